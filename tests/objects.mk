@@ -1,0 +1,35 @@
+# Tests. A file tests/unit/test_NAME.c or tests/unit_host/test_NAME.cc is one Unity program; it links
+# with everything. tests/system/test_*.py are pytest files that run the built programs.
+unity_SRC := build/deps/unity/unity.c
+unity_FLAGS := -w
+$(eval $(call library,unity))
+
+unit_LIBS := firmware detect targetfile common
+
+unit_SRC      := $(sort $(wildcard tests/unit/test_*.c))
+unit_host_SRC := $(sort $(wildcard tests/unit_host/test_*.cc))
+unit_BIN      := $(patsubst tests/%.c,$O/tests/%,$(unit_SRC))
+unit_host_BIN := $(patsubst tests/%.cc,$O/tests/%,$(unit_host_SRC))
+
+$(call objects,$(unit_SRC)): private part_flags := -isystem build/deps/unity
+$(call objects,$(unit_host_SRC)): private part_flags := -isystem build/deps/unity $(host_FLAGS)
+$(unit_BIN): $O/tests/%: $O/tests/%.c.o $(unit_LIBS:%=$O/lib%.a) $O/libunity.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng -lm
+$(unit_host_BIN): $O/tests/%: $O/tests/%.cc.o $O/libhost.a $(unit_LIBS:%=$O/lib%.a) $O/libunity.a
+	$(call say,LINK,$@)
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng $(host_LDLIBS)
+
+## check: run every test on what is built (no installing)
+.PHONY: check
+check: unit system
+
+## unit: the Unity programs of tests/unit and tests/unit_host
+.PHONY: unit
+unit: $(unit_BIN) $(unit_host_BIN)
+	@$(PYTHON) tests/run_units.py $^
+
+## system: run the built programs as a user would (pytest)
+.PHONY: system
+system: all
+	@$(PYTHON) -m pytest -q tests/system
