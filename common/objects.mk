@@ -1,10 +1,14 @@
 # What both halves share. The core: no operating system, no heap, no floating point.
 common_FLAGS := $(core_flags)
 common_SRC := \
+  common/target/layout.c \
+  common/target/layout_table.c \
+  common/target/target.c \
 
 $(eval $(call library,common))
 
 # The target file's reader: heap and cJSON, at start only; one set of rules for both halves.
 targetfile_SRC := \
+  common/targetfile/targetfile.c \
 
 $(eval $(call library,targetfile))

@@ -1,0 +1,48 @@
+/* Looking up features in the generated tables, and the colour rule. */
+#include "common/target/layout.h"
+
+#include <assert.h>
+#include <stddef.h>
+
+unsigned layout_feature_count(unsigned levels)
+{
+    switch (levels) {
+    case 2:
+        return LAYOUT_FEATURES_LEVEL2;
+    case 3:
+        return LAYOUT_FEATURES_LEVEL3;
+    default:
+        return 0;
+    }
+}
+
+const struct layout_feature *layout_feature(unsigned levels, unsigned index)
+{
+    if (index < layout_feature_count(levels)) {
+        return levels == 2 ? &layout_table_level2[index] : &layout_table_level3[index];
+    } else {
+        return NULL;
+    }
+}
+
+static bool even_parity(uint16_t id)
+{
+    unsigned folded = id;
+    folded ^= folded >> 8;
+    folded ^= folded >> 4;
+    folded ^= folded >> 2;
+    folded ^= folded >> 1;
+    return (folded & 1u) == 0;
+}
+
+bool layout_circle_is_white(unsigned levels, uint16_t patch_id, unsigned index)
+{
+    assert(patch_id < LAYOUT_IDS);
+    const struct layout_feature *feature = layout_feature(levels, index);
+    assert(feature != NULL);
+    if (feature->bit == LAYOUT_ANCHOR_BIT) {
+        return even_parity(patch_id);
+    } else {
+        return (((unsigned)patch_id >> feature->bit) & 1u) != (feature->inverted ? 1u : 0u);
+    }
+}
