@@ -4,6 +4,9 @@ common_SRC := \
   common/target/layout.c \
   common/target/layout_table.c \
   common/target/target.c \
+  common/fx/root.c \
+  common/fx/smallsolve.c \
+  common/fx/turn.c \
 
 $(eval $(call library,common))
 

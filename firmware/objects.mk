@@ -1,6 +1,14 @@
 # The detector: no operating system, no heap, no floating point.
 detect_FLAGS := $(core_flags)
 detect_SRC := \
+  firmware/detect/ellipse.c \
+  firmware/detect/directfit.c \
+  firmware/detect/chains.c \
+  firmware/detect/edges.c \
+  firmware/detect/steer.c \
+  firmware/detect/dsp_scalar.c \
+  firmware/detect/luma.c \
+  firmware/detect/taps_table.c \
 
 $(eval $(call library,detect))
 

@@ -1,0 +1,95 @@
+/* The LDL' factorisation, column by column:
+ *   d_j = a_jj - sum_k<j l_jk^2 d_k,   l_ij = (a_ij - sum_k<j l_ik l_jk d_k) / d_j. */
+#include "common/fx/smallsolve.h"
+
+#include "common/fx/fx.h"
+
+/* Values in a solve stay below this, so that their products with L (below 2^SMALL_L_BITS) fit. */
+#define SMALLSOLVE_VALUE_LIMIT ((int64_t)1 << 38)
+/* |l_ij| is at most sqrt(a_ii / d_j); with pivots from 2^-22 that is 2^12 at worst: 2^42 in Q30. */
+
+/* a * b in Q30 where the product may need more than 63 bits: the larger factor gives up low bits. */
+static int64_t mul_wide_q30(int64_t a_q30, int64_t b_q30)
+{
+    const unsigned bits = fx_bits_i64(a_q30) + fx_bits_i64(b_q30);
+    if (bits <= 62) {
+        return fx_mul_q30(a_q30, b_q30);
+    }
+    const unsigned drop = bits - 62;
+    if (drop >= 30) {
+        /* Far out of range; saturate, the callers refuse such values. */
+        return (a_q30 < 0) != (b_q30 < 0) ? -((int64_t)1 << 60) : (int64_t)1 << 60;
+    }
+    if (fx_abs_i64(a_q30) > fx_abs_i64(b_q30)) {
+        a_q30 >>= drop;
+    } else {
+        b_q30 >>= drop;
+    }
+    return (a_q30 * b_q30) >> (30 - drop);
+}
+
+/* a / b in Q30, b > 0. */
+static int64_t div_q30(int64_t a_q30, int64_t b_q30)
+{
+    const unsigned bits = fx_bits_i64(a_q30);
+    if (bits <= 32) {
+        return fx_div_round(a_q30 * ((int64_t)1 << 30), b_q30);
+    }
+    const unsigned room = bits < 62 ? 62 - bits : 0;
+    const int64_t quotient = fx_div_round(a_q30 * ((int64_t)1 << room), b_q30);
+    if (fx_bits_i64(quotient) + (30 - room) > 61) {
+        return quotient < 0 ? -((int64_t)1 << 60) : (int64_t)1 << 60;
+    }
+    return quotient * ((int64_t)1 << (30 - room));
+}
+
+bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30)
+{
+    assert(a->size >= 1 && a->size <= SMALLSOLVE_MAX);
+    assert(floor_q30 > 0);
+    bool regular = true;
+    for (unsigned j = 0; j < a->size; j++) {
+        int64_t scaled_q30[SMALLSOLVE_MAX]; /* l_jk d_k */
+        int64_t pivot_q30 = a->at_q30[j][j];
+        for (unsigned k = 0; k < j; k++) {
+            scaled_q30[k] = mul_wide_q30(a->at_q30[j][k], a->at_q30[k][k]);
+            pivot_q30 -= mul_wide_q30(scaled_q30[k], a->at_q30[j][k]);
+        }
+        if (pivot_q30 < floor_q30) {
+            pivot_q30 = floor_q30;
+            regular = false;
+        }
+        a->at_q30[j][j] = pivot_q30;
+        for (unsigned i = j + 1; i < a->size; i++) {
+            int64_t sum_q30 = a->at_q30[i][j];
+            for (unsigned k = 0; k < j; k++) {
+                sum_q30 -= mul_wide_q30(a->at_q30[i][k], scaled_q30[k]);
+            }
+            a->at_q30[i][j] = div_q30(sum_q30, pivot_q30);
+        }
+    }
+    return regular;
+}
+
+bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
+{
+    const unsigned size = factored->size;
+    for (unsigned i = 0; i < size; i++) {
+        for (unsigned k = 0; k < i; k++) {
+            x_q30[i] -= mul_wide_q30(factored->at_q30[i][k], x_q30[k]);
+        }
+        if (fx_abs_i64(x_q30[i]) > SMALLSOLVE_VALUE_LIMIT) {
+            return false;
+        }
+    }
+    for (unsigned i = size; i-- > 0;) {
+        x_q30[i] = div_q30(x_q30[i], factored->at_q30[i][i]);
+        for (unsigned k = i + 1; k < size; k++) {
+            x_q30[i] -= mul_wide_q30(factored->at_q30[k][i], x_q30[k]);
+        }
+        if (fx_abs_i64(x_q30[i]) > SMALLSOLVE_VALUE_LIMIT) {
+            return false;
+        }
+    }
+    return true;
+}

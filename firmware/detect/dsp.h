@@ -1,0 +1,62 @@
+/* The row kernels: the few loops that touch every pixel, and so the only code that may have vector
+ * variants. dsp_scalar.c is the truth; a variant gives the same bits.
+ *
+ * Scaling. Luma is grey_q4 (0..4095). With the kernels of taps_table.c:
+ *   smooth rows  g * L      Q3 of grey_q4, 0..32760      (27-bit sums, shifted by 12)
+ *   first        g' * L     Q3, |.| <= 4095 * 0.55 * 8 < 2^15
+ *   second       g'' * L    Q2, |.| <= 4095 * 1.5 * 4  < 2^15
+ * and likewise down the columns; the bounds hold because the positive taps of g' sum to less than
+ * 0.55 and those of g'' to less than 1.5 (tests/unit/test_steer.c checks the table). */
+#ifndef TESSERA_FIRMWARE_DETECT_DSP_H
+#define TESSERA_FIRMWARE_DETECT_DSP_H
+
+#include <stdint.h>
+
+#include "firmware/detect/taps.h"
+
+/* One image row filtered along x; padded rows are not needed here, `width` values each. */
+struct dsp_row {
+    int16_t *smooth_q3; /* g   along x */
+    int16_t *first_q3;  /* g'  along x */
+    int16_t *second_q2; /* g'' along x */
+};
+
+/* The derivatives of the smoothed image along one row. */
+struct dsp_gradient {
+    int16_t *x_q3;
+    int16_t *y_q3;
+    int16_t *xx_q2;
+    int16_t *xy_q2;
+    int16_t *yy_q2;
+    /* The second derivative along the gradient: +1 where it is positive or zero (the dark side of an
+     * edge), -1 where negative (the bright side), 0 where the gradient is below the threshold. */
+    int8_t  *side;
+};
+
+struct dsp_kernels {
+    const char *name;
+    /* luma_grey_q4 points at the first pixel of a row padded by taps->radius on both sides. */
+    void (*along_x)(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
+                    const struct dsp_row *out);
+    /* rows[0..2 radius] are the filtered rows around the output row, from above to below. */
+    void (*along_y)(const struct taps *taps, const struct dsp_row rows[], unsigned width,
+                    const struct dsp_gradient *out);
+    /* Fills out->side from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
+    void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
+};
+
+extern const struct dsp_kernels dsp_scalar;
+
+/* gx^2 gxx + 2 gx gy gxy + gy^2 gyy, the second derivative along the gradient times the gradient's
+ * square (Freeman and Adelson 1991: the second-derivative filter steered to the dominant
+ * orientation). Q8; below 2^44. */
+static inline int64_t dsp_steered_q8(const struct dsp_gradient *g, unsigned x)
+{
+    const int32_t gx = g->x_q3[x];
+    const int32_t gy = g->y_q3[x];
+    const int32_t along_x = gx * g->xx_q2[x] + gy * g->xy_q2[x];
+    const int32_t along_y = gx * g->xy_q2[x] + gy * g->yy_q2[x];
+    return (int64_t)gx * along_x + (int64_t)gy * along_y;
+}
+
+#endif

@@ -1,0 +1,73 @@
+/* The row kernels in plain C: always built, the reference for every variant. */
+#include "common/fx/fx.h"
+#include "firmware/detect/dsp.h"
+
+static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
+                    const struct dsp_row *out)
+{
+    const unsigned radius = taps->radius;
+    for (unsigned x = 0; x < width; x++) {
+        const uint16_t *at = luma_grey_q4 + x;
+        int32_t smooth = taps->smooth_q15[0] * at[0];
+        int32_t first = 0;
+        int32_t second = taps->second_q14[0] * at[0];
+        for (unsigned k = 1; k <= radius; k++) {
+            const int32_t after = at[k];
+            const int32_t before = *(at - k);
+            smooth += taps->smooth_q15[k] * (after + before);
+            first += taps->first_q15[k] * (after - before);
+            second += taps->second_q14[k] * (after + before);
+        }
+        out->smooth_q3[x] = fx_narrow_i16(fx_round_shift_i32(smooth, 12));
+        out->first_q3[x] = fx_narrow_i16(fx_round_shift_i32(first, 12));
+        out->second_q2[x] = fx_narrow_i16(fx_round_shift_i32(second, 12));
+    }
+}
+
+static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
+                    const struct dsp_gradient *out)
+{
+    const unsigned radius = taps->radius;
+    const struct dsp_row *centre = &rows[radius];
+    for (unsigned x = 0; x < width; x++) {
+        int32_t gx = taps->smooth_q15[0] * centre->first_q3[x];
+        int32_t gy = 0;
+        int32_t gxx = taps->smooth_q15[0] * centre->second_q2[x];
+        int32_t gxy = 0;
+        int32_t gyy = taps->second_q14[0] * centre->smooth_q3[x];
+        for (unsigned k = 1; k <= radius; k++) {
+            const struct dsp_row *below = &rows[radius + k];
+            const struct dsp_row *above = &rows[radius - k];
+            gx += taps->smooth_q15[k] * (below->first_q3[x] + above->first_q3[x]);
+            gy += taps->first_q15[k] * (below->smooth_q3[x] - above->smooth_q3[x]);
+            gxx += taps->smooth_q15[k] * (below->second_q2[x] + above->second_q2[x]);
+            gxy += taps->first_q15[k] * (below->first_q3[x] - above->first_q3[x]);
+            gyy += taps->second_q14[k] * (below->smooth_q3[x] + above->smooth_q3[x]);
+        }
+        out->x_q3[x] = fx_narrow_i16(fx_round_shift_i32(gx, 15));
+        out->y_q3[x] = fx_narrow_i16(fx_round_shift_i32(gy, 15));
+        out->xx_q2[x] = fx_narrow_i16(fx_round_shift_i32(gxx, 15));
+        out->xy_q2[x] = fx_narrow_i16(fx_round_shift_i32(gxy, 16));
+        out->yy_q2[x] = fx_narrow_i16(fx_round_shift_i32(gyy, 15));
+    }
+}
+
+static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
+{
+    for (unsigned x = 0; x < width; x++) {
+        const int32_t gx = out->x_q3[x];
+        const int32_t gy = out->y_q3[x];
+        if ((uint32_t)(gx * gx) + (uint32_t)(gy * gy) < threshold_q6) {
+            out->side[x] = 0;
+        } else {
+            out->side[x] = dsp_steered_q8(out, x) >= 0 ? 1 : -1;
+        }
+    }
+}
+
+const struct dsp_kernels dsp_scalar = {
+    .name = "scalar",
+    .along_x = along_x,
+    .along_y = along_y,
+    .sides = sides,
+};

@@ -1,0 +1,52 @@
+/* Luma rows, one loop a kind of container. */
+#include "firmware/detect/luma.h"
+
+#define LUMA_MAX_GREY_Q4 4095u
+
+static void from_bytes(const uint8_t *in, unsigned step, unsigned width, uint16_t *out)
+{
+    for (unsigned x = 0; x < width; x++) {
+        out[x] = (uint16_t)(in[x * step] << 4);
+    }
+}
+
+static void from_words(const uint8_t *in, unsigned bits, unsigned width, uint16_t *out)
+{
+    for (unsigned x = 0; x < width; x++) {
+        const unsigned word = in[2 * x] | (unsigned)in[2 * x + 1] << 8;
+        const unsigned grey_q4 = bits > 12 ? word >> (bits - 12) : word << (12 - bits);
+        out[x] = (uint16_t)(grey_q4 > LUMA_MAX_GREY_Q4 ? LUMA_MAX_GREY_Q4 : grey_q4);
+    }
+}
+
+void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t *out_grey_q4)
+{
+    assert(y < frame->height_px);
+    const uint8_t *in = frame->pixels + (size_t)y * frame->stride_bytes;
+    const unsigned width = frame->width_px;
+    switch (frame->format) {
+    case FRAME_GREY8:
+    case FRAME_NV12:
+        from_bytes(in, 1, width, out_grey_q4);
+        break;
+    case FRAME_YUYV:
+        from_bytes(in, 2, width, out_grey_q4);
+        break;
+    case FRAME_UYVY:
+        from_bytes(in + 1, 2, width, out_grey_q4);
+        break;
+    case FRAME_GREY10:
+        from_words(in, 10, width, out_grey_q4);
+        break;
+    case FRAME_GREY12:
+        from_words(in, 12, width, out_grey_q4);
+        break;
+    case FRAME_GREY16:
+        from_words(in, 16, width, out_grey_q4);
+        break;
+    }
+    for (unsigned i = 1; i <= pad; i++) {
+        *(out_grey_q4 - i) = out_grey_q4[0];
+        out_grey_q4[width - 1 + i] = out_grey_q4[width - 1];
+    }
+}

@@ -1,0 +1,65 @@
+/* A row of output needs `radius` rows of input above and below; each input row is filtered along x
+ * once, when the first output row needs it, and lives in a ring until the last has used it. */
+#include "firmware/detect/steer.h"
+
+void steer_init(struct steer *steer, struct arena *arena, const struct dsp_kernels *dsp,
+                unsigned kernel_radius_px, uint32_t gradient_min_q3, unsigned width,
+                unsigned height)
+{
+    assert(kernel_radius_px >= 2 && kernel_radius_px <= TAPS_RADIUS_MAX);
+    assert(gradient_min_q3 >= 1 && gradient_min_q3 < 32768);
+    const struct taps *taps = &taps_table[kernel_radius_px - 2];
+    assert(taps->radius == kernel_radius_px);
+
+    steer->dsp = dsp;
+    steer->taps = taps;
+    steer->threshold_q6 = gradient_min_q3 * gradient_min_q3;
+    steer->width = width;
+    steer->height = height;
+    steer->filtered = 0;
+    uint16_t *padded = arena_take(arena, width + 2u * TAPS_RADIUS_MAX, sizeof *padded);
+    steer->luma_grey_q4 = padded == NULL ? NULL : padded + TAPS_RADIUS_MAX;
+    for (unsigned i = 0; i < STEER_RING_ROWS; i++) {
+        steer->ring[i].smooth_q3 = arena_take(arena, width, sizeof(int16_t));
+        steer->ring[i].first_q3 = arena_take(arena, width, sizeof(int16_t));
+        steer->ring[i].second_q2 = arena_take(arena, width, sizeof(int16_t));
+    }
+    for (unsigned i = 0; i < 2; i++) {
+        steer->rows[i].x_q3 = arena_take(arena, width, sizeof(int16_t));
+        steer->rows[i].y_q3 = arena_take(arena, width, sizeof(int16_t));
+        steer->rows[i].xx_q2 = arena_take(arena, width, sizeof(int16_t));
+        steer->rows[i].xy_q2 = arena_take(arena, width, sizeof(int16_t));
+        steer->rows[i].yy_q2 = arena_take(arena, width, sizeof(int16_t));
+        steer->rows[i].side = arena_take(arena, width, sizeof(int8_t));
+    }
+}
+
+void steer_begin(struct steer *steer)
+{
+    steer->filtered = 0;
+}
+
+const struct dsp_gradient *steer_row(struct steer *steer, const struct frame_view *frame,
+                                     uint16_t y)
+{
+    assert(frame->width_px == steer->width && frame->height_px == steer->height);
+    const unsigned radius = steer->taps->radius;
+    const unsigned ring = 2 * radius + 1;
+    const unsigned last = steer->height - 1;
+
+    while (steer->filtered <= last && steer->filtered <= y + radius) {
+        luma_row(frame, (uint16_t)steer->filtered, radius, steer->luma_grey_q4);
+        steer->dsp->along_x(steer->taps, steer->luma_grey_q4, steer->width,
+                            &steer->ring[steer->filtered % ring]);
+        steer->filtered++;
+    }
+    struct dsp_row around[STEER_RING_ROWS];
+    for (unsigned i = 0; i < ring; i++) {
+        const unsigned wanted = y + i < radius ? 0 : y + i - radius;
+        around[i] = steer->ring[(wanted > last ? last : wanted) % ring];
+    }
+    const struct dsp_gradient *out = &steer->rows[y & 1];
+    steer->dsp->along_y(steer->taps, around, steer->width, out);
+    steer->dsp->sides(steer->threshold_q6, steer->width, out);
+    return out;
+}

@@ -1,0 +1,39 @@
+/* Every capacity of the detector in one place. Memory follows the frame's size: the caller hands over
+ * one block of pipeline_bytes() (app/pipeline.h), and nothing is allocated later. A list that is
+ * full drops what comes next and says so in the packet. */
+#ifndef TESSERA_FIRMWARE_LIMITS_H
+#define TESSERA_FIRMWARE_LIMITS_H
+
+#include <assert.h>
+#include <stdint.h>
+
+/* Frames: 1x1 to 8192x8192. */
+#define LIMIT_SIDE_PX 8192u
+
+/* The longest contour kept whole, in edge points. A circle has about 8 points a pixel of radius, so
+ * this is a circle of radius 500 px; what is longer is no feature and only its ends are followed. */
+#define LIMIT_CONTOUR_POINTS 4096u
+
+/* Edge points of contours that are still open while the frame is scanned: 16 bytes each. Lines of the
+ * target stay open longest; a frame full of small patches was seen to need 6 % of its pixels. */
+static inline uint32_t limit_points(uint32_t width_px, uint32_t height_px)
+{
+    const uint32_t share = (uint32_t)((uint64_t)width_px * height_px / 20u);
+    return share + 4u * width_px + 2u * LIMIT_CONTOUR_POINTS;
+}
+
+/* Ellipses a frame: 40 bytes each. A circle of radius 3 px has a patch of 58 px side to itself and
+ * twelve others: one feature on 260 px. */
+static inline uint32_t limit_ellipses(uint32_t width_px, uint32_t height_px)
+{
+    return 1024u + (uint32_t)((uint64_t)width_px * height_px / 160u);
+}
+
+/* Arcs that wait to be merged with other arcs of their ellipse, and their points. */
+#define LIMIT_ARCS       512u
+#define LIMIT_ARC_POINTS 32768u
+
+/* Patches a frame: there are no more ids. */
+#define LIMIT_PATCHES 4096u
+
+#endif
