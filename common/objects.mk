@@ -7,6 +7,10 @@ common_SRC := \
   common/fx/root.c \
   common/fx/smallsolve.c \
   common/fx/turn.c \
+    common/wire/codes.c \
+    common/wire/crc32c.c \
+    common/wire/packet_header.c \
+    common/wire/wire.c \
 
 $(eval $(call library,common))
 
