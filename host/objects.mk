@@ -3,3 +3,14 @@ host_LDLIBS := -lceres -lglog -lopencv_calib3d -lopencv_imgcodecs -lopencv_imgpr
 host_SRC := \
 
 $(eval $(call library,host))
+
+# The host's program; one file a subcommand.
+tessera-rig_FLAGS  := $(host_FLAGS)
+tessera-rig_LIBS   := host targetfile common
+tessera-rig_LDLIBS := -lcjson $(host_LDLIBS)
+tessera-rig_SRC := \
+  host/rig/main.cc \
+  host/rig/cmd_receive.cc \
+  host/rig/cmd_journal.cc \
+
+$(eval $(call program,tessera-rig))
