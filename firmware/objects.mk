@@ -14,5 +14,7 @@ $(eval $(call library,detect))
 
 # The device's edge: capture, sockets, options, files.
 firmware_SRC := \
+  firmware/net/sender.c \
+  firmware/net/sock_sys_linux.c \
 
 $(eval $(call library,firmware))
