@@ -1,6 +1,11 @@
 # The detector: no operating system, no heap, no floating point.
 detect_FLAGS := $(core_flags)
 detect_SRC := \
+  firmware/detect/patches.c \
+  firmware/detect/marks.c \
+  firmware/detect/arcs.c \
+  firmware/detect/ellipses.c \
+  firmware/detect/refit.c \
   firmware/detect/ellipse.c \
   firmware/detect/directfit.c \
   firmware/detect/chains.c \

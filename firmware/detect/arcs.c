@@ -1,0 +1,176 @@
+/* Cutting by the sign of the bend: at point i the contour turns from the chord that arrives over `step`
+ * points to the chord that leaves over as many. */
+#include "firmware/detect/arcs.h"
+
+#include "common/fx/fx.h"
+#include "common/fx/root.h"
+#include "firmware/limits.h"
+
+enum bend { BEND_NONE, BEND_LEFT, BEND_RIGHT, BEND_CORNER };
+
+static enum bend bend_at(const struct contour *c, uint32_t i, uint32_t step)
+{
+    const uint32_t before = i >= step ? i - step : i + c->count - step;
+    const uint32_t after = i + step < c->count ? i + step : i + step - c->count;
+    /* Chords of at most 64 points in Q8: below 2^15; products below 2^30. */
+    const int64_t ax = (c->x_px_q16[i] - c->x_px_q16[before]) >> 8;
+    const int64_t ay = (c->y_px_q16[i] - c->y_px_q16[before]) >> 8;
+    const int64_t bx = (c->x_px_q16[after] - c->x_px_q16[i]) >> 8;
+    const int64_t by = (c->y_px_q16[after] - c->y_px_q16[i]) >> 8;
+    const int64_t cross = ax * by - ay * bx;
+    const int64_t dot = ax * bx + ay * by;
+    if (dot <= 0 || fx_abs_i64(cross) > 4 * dot) {
+        return BEND_CORNER; /* more than 76 degrees */
+    }
+    if (fx_abs_i64(cross) * 16 < dot) {
+        return BEND_NONE; /* less than 3.6 degrees */
+    }
+    return cross > 0 ? BEND_RIGHT : BEND_LEFT;
+}
+
+/* A run under construction. */
+struct run_state {
+    struct arcs_run run;
+    enum bend       bend;
+    uint32_t        straight; /* points at its end without a bend */
+};
+
+static uint32_t close_run(struct run_state *state, uint32_t shortest, struct arcs_run out[],
+                          uint32_t count)
+{
+    const uint32_t length = state->run.count - state->straight;
+    if (state->run.count > 0 && length >= shortest && count < ARCS_RUNS_MAX) {
+        out[count].first = state->run.first;
+        out[count].count = length;
+        count++;
+    }
+    state->run.count = 0;
+    state->straight = 0;
+    return count;
+}
+
+uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t shortest,
+                    struct arcs_run out[ARCS_RUNS_MAX])
+{
+    assert(step >= 1 && step <= 64);
+    if (contour->count < 2 * step + 1 || contour->count < shortest) {
+        return 0;
+    }
+    /* A closed contour is started at a corner or straight part, so that no arc is cut in two. */
+    uint32_t start = contour->closed ? 0 : step;
+    const uint32_t visits = contour->closed ? contour->count : contour->count - 2 * step;
+    if (contour->closed) {
+        for (uint32_t i = 0; i < contour->count; i++) {
+            const enum bend bend = bend_at(contour, i, step);
+            if (bend == BEND_NONE || bend == BEND_CORNER) {
+                start = i;
+                break;
+            }
+        }
+    }
+    uint32_t count = 0;
+    struct run_state state = {.run = {0}, .bend = BEND_NONE, .straight = 0};
+    for (uint32_t k = 0; k < visits; k++) {
+        const uint32_t i = (start + k) % contour->count;
+        const enum bend bend = bend_at(contour, i, step);
+        if (bend == BEND_LEFT || bend == BEND_RIGHT) {
+            if (state.run.count > 0 && state.bend != bend) {
+                count = close_run(&state, shortest, out, count);
+            }
+            if (state.run.count == 0) {
+                state.run.first = i;
+                state.bend = bend;
+            }
+            state.run.count++;
+            state.straight = 0;
+        } else if (state.run.count > 0) {
+            state.run.count++;
+            state.straight++;
+            if (bend == BEND_CORNER || state.straight > 2 * step) {
+                count = close_run(&state, shortest, out, count);
+            }
+        }
+    }
+    return close_run(&state, shortest, out, count);
+}
+
+void arcs_init(struct arcs *arcs, struct arena *arena)
+{
+    arcs->at = arena_take(arena, LIMIT_ARCS, sizeof(struct arc));
+    arcs->x_px_q16 = arena_take(arena, LIMIT_ARC_POINTS + LIMIT_CONTOUR_POINTS,
+                               sizeof(int32_t));
+    arcs->y_px_q16 = arena_take(arena, LIMIT_ARC_POINTS + LIMIT_CONTOUR_POINTS,
+                               sizeof(int32_t));
+}
+
+void arcs_begin(struct arcs *arcs)
+{
+    arcs->count = 0;
+    arcs->points = 0;
+    arcs->truncated = false;
+}
+
+/* The circle through three points. With a = p1 - p0, b = p2 - p0 the centre is
+ * p0 + (b_y |a|^2 - a_y |b|^2, a_x |b|^2 - b_x |a|^2) / (2 a x b). False for a radius beyond 512 px. */
+static bool circle_through(const int32_t x[3], const int32_t y[3], struct arc *arc)
+{
+    /* Q6: offsets below 2^16 (1024 px), squares below 2^33, products below 2^49. */
+    const int64_t ax = (x[1] - x[0]) >> 10;
+    const int64_t ay = (y[1] - y[0]) >> 10;
+    const int64_t bx = (x[2] - x[0]) >> 10;
+    const int64_t by = (y[2] - y[0]) >> 10;
+    const int64_t cross = ax * by - ay * bx;
+    if (cross == 0) {
+        return false;
+    }
+    const int64_t aa = ax * ax + ay * ay;
+    const int64_t bb = bx * bx + by * by;
+    const int64_t cx_q6 = (by * aa - ay * bb) / (2 * cross);
+    const int64_t cy_q6 = (ax * bb - bx * aa) / (2 * cross);
+    if (fx_abs_i64(cx_q6) > 512 << 6 || fx_abs_i64(cy_q6) > 512 << 6) {
+        return false;
+    }
+    arc->x_px_q16 = fx_narrow_i32(x[0] + cx_q6 * 1024);
+    arc->y_px_q16 = fx_narrow_i32(y[0] + cy_q6 * 1024);
+    arc->radius_px_q16 = (int32_t)root_u64((uint64_t)(cx_q6 * cx_q6 + cy_q6 * cy_q6) << 20);
+    /* Turning right (clockwise on the image) with the dark side on the left: bright inside. */
+    arc->white = cross > 0;
+    return true;
+}
+
+void arcs_keep(struct arcs *arcs, const int32_t x_px_q16[], const int32_t y_px_q16[],
+               uint32_t count, uint16_t gradient_mean_q3)
+{
+    struct arc arc = {
+        .first = arcs->points,
+        .count = count,
+        .gradient_mean_q3 = gradient_mean_q3,
+    };
+    const int32_t x[3] = {x_px_q16[0], x_px_q16[count / 2], x_px_q16[count - 1]};
+    const int32_t y[3] = {y_px_q16[0], y_px_q16[count / 2], y_px_q16[count - 1]};
+    if (!circle_through(x, y, &arc)) {
+        return;
+    }
+    if (arcs->count == LIMIT_ARCS || arcs->points + count > LIMIT_ARC_POINTS) {
+        arcs->truncated = true;
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        arcs->x_px_q16[arcs->points + i] = x_px_q16[i];
+        arcs->y_px_q16[arcs->points + i] = y_px_q16[i];
+    }
+    arcs->points += count;
+    arcs->at[arcs->count++] = arc;
+}
+
+bool arcs_may_join(const struct arc *a, const struct arc *b)
+{
+    if (a->white != b->white || a->radius_px_q16 > 3 * (int64_t)b->radius_px_q16 ||
+        b->radius_px_q16 > 3 * (int64_t)a->radius_px_q16) {
+        return false;
+    }
+    const int64_t reach =
+        a->radius_px_q16 > b->radius_px_q16 ? a->radius_px_q16 : b->radius_px_q16;
+    return fx_abs_i64((int64_t)a->x_px_q16 - b->x_px_q16) <= reach &&
+           fx_abs_i64((int64_t)a->y_px_q16 - b->y_px_q16) <= reach;
+}

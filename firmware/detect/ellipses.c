@@ -1,0 +1,187 @@
+/* Fit, refit, judge; the order in which parts of a contour are tried. */
+#include "firmware/detect/ellipses.h"
+
+#include "common/fx/fx.h"
+#include "firmware/detect/directfit.h"
+#include "firmware/limits.h"
+
+/* Chords, in points, over which arcs are looked for: 4 points follow circles of radius 3 px, 16 see the
+ * bend of a radius of 100 px. */
+static const uint32_t arc_steps[] = {16, 4};
+
+void ellipses_init(struct ellipses *ellipses, struct arena *arena, unsigned width, unsigned height)
+{
+    ellipses->size = limit_ellipses(width, height);
+    ellipses->at = arena_take(arena, ellipses->size, sizeof(struct ellipses_item));
+    arcs_init(&ellipses->arcs, arena);
+}
+
+void ellipses_begin(struct ellipses *ellipses)
+{
+    ellipses->count = 0;
+    ellipses->truncated = false;
+    arcs_begin(&ellipses->arcs);
+}
+
+static unsigned count_sectors(uint16_t sectors)
+{
+    return (unsigned)__builtin_popcount(sectors);
+}
+
+static bool is_good(const struct ellipses_item *item)
+{
+    uint32_t major_px_q16;
+    uint32_t minor_px_q16;
+    uint16_t angle;
+    ellipse_axes(&item->ellipse, &major_px_q16, &minor_px_q16, &angle);
+    return minor_px_q16 >= ELLIPSES_MINOR_MIN_PX_Q16 &&
+           minor_px_q16 >= major_px_q16 / ELLIPSES_AXIS_RATIO_MIN &&
+           item->quality.residual_px_q16 <= ELLIPSES_RESIDUAL_MAX_PX_Q16 &&
+           item->quality.residual_px_q16 <= minor_px_q16 / ELLIPSES_RESIDUAL_SHARE &&
+           count_sectors(item->quality.sectors) >= ELLIPSES_SECTORS_MIN;
+}
+
+/* Clockwise on the image around the centre: the sum of the triangles' signed areas. Offsets in Q4 are
+ * below 2^20, 4096 products below 2^53. */
+static bool turns_clockwise(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t count,
+                            const struct ellipse *ellipse)
+{
+    int64_t area = 0;
+    int64_t px = (x_px_q16[0] - ellipse->x_px_q16) >> 12;
+    int64_t py = (y_px_q16[0] - ellipse->y_px_q16) >> 12;
+    for (uint32_t i = 1; i < count; i++) {
+        const int64_t qx = (x_px_q16[i] - ellipse->x_px_q16) >> 12;
+        const int64_t qy = (y_px_q16[i] - ellipse->y_px_q16) >> 12;
+        area += px * qy - py * qx;
+        px = qx;
+        py = qy;
+    }
+    return area > 0;
+}
+
+/* Adds the ellipse through these points to the list, if there is a good one. */
+static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
+                       const int32_t y_px_q16[], uint32_t count, uint16_t gradient_mean_q3,
+                       bool white_known, bool white)
+{
+    struct ellipses_item item = {
+        .points = (uint16_t)count,
+        .gradient_mean_q3 = gradient_mean_q3,
+    };
+    if (count < ELLIPSES_POINTS_MIN ||
+        !directfit_ellipse(x_px_q16, y_px_q16, count, &item.ellipse) ||
+        !refit_ellipse(x_px_q16, y_px_q16, count, &item.ellipse, &item.quality) ||
+        !is_good(&item)) {
+        return false;
+    }
+    item.white = white_known ? white : turns_clockwise(x_px_q16, y_px_q16, count, &item.ellipse);
+    if (ellipses->count == ellipses->size) {
+        ellipses->truncated = true;
+        return true;
+    }
+    ellipses->at[ellipses->count++] = item;
+    return true;
+}
+
+static void reverse(int32_t *values, uint32_t first, uint32_t last)
+{
+    while (first < last) {
+        const int32_t swap = values[first];
+        values[first++] = values[last];
+        values[last--] = swap;
+    }
+}
+
+/* Rotates a closed contour so that it starts at point `first`: its arcs are then contiguous. */
+static void rotate_contour(struct contour *contour, uint32_t first)
+{
+    if (first == 0) {
+        return;
+    }
+    int32_t *axes[2] = {contour->x_px_q16, contour->y_px_q16};
+    for (unsigned i = 0; i < 2; i++) {
+        reverse(axes[i], 0, first - 1);
+        reverse(axes[i], first, contour->count - 1);
+        reverse(axes[i], 0, contour->count - 1);
+    }
+}
+
+static void add_arcs(struct ellipses *ellipses, struct contour *contour)
+{
+    struct arcs_run runs[ARCS_RUNS_MAX];
+    for (unsigned s = 0; s < sizeof arc_steps / sizeof arc_steps[0]; s++) {
+        const uint32_t step = arc_steps[s];
+        const uint32_t count = arcs_split(contour, step, ELLIPSES_POINTS_MIN, runs);
+        bool found = false;
+        for (uint32_t i = 0; i < count; i++) {
+            /* After each rotation the other runs' places move with the points. */
+            const uint32_t first = runs[i].first;
+            if (first + runs[i].count > contour->count) {
+                rotate_contour(contour, first);
+                for (uint32_t j = i; j < count; j++) {
+                    runs[j].first = (runs[j].first + contour->count - first) % contour->count;
+                }
+            }
+            const int32_t *x = contour->x_px_q16 + runs[i].first;
+            const int32_t *y = contour->y_px_q16 + runs[i].first;
+            if (try_points(ellipses, x, y, runs[i].count, contour->gradient_mean_q3, false,
+                           false)) {
+                found = true;
+            } else if (step == arc_steps[1]) {
+                arcs_keep(&ellipses->arcs, x, y, runs[i].count, contour->gradient_mean_q3);
+            }
+        }
+        if (found) {
+            return;
+        }
+    }
+}
+
+void ellipses_add(struct ellipses *ellipses, struct contour *contour)
+{
+    if (contour->closed &&
+        try_points(ellipses, contour->x_px_q16, contour->y_px_q16, contour->count,
+                   contour->gradient_mean_q3, false, false)) {
+        return;
+    }
+    add_arcs(ellipses, contour);
+}
+
+/* Tries arc `i` together with every later one that may belong to it; points are gathered behind the
+ * store's own, where the room for one contour is kept. */
+static void merge_with_later(struct ellipses *ellipses, uint32_t i)
+{
+    struct arcs *arcs = &ellipses->arcs;
+    struct arc *first = &arcs->at[i];
+    int32_t *x = arcs->x_px_q16 + LIMIT_ARC_POINTS;
+    int32_t *y = arcs->y_px_q16 + LIMIT_ARC_POINTS;
+    for (uint32_t j = i + 1; j < arcs->count && !first->used; j++) {
+        struct arc *second = &arcs->at[j];
+        if (second->used || first->count + second->count > LIMIT_CONTOUR_POINTS ||
+            !arcs_may_join(first, second)) {
+            continue;
+        }
+        uint32_t count = 0;
+        const struct arc *parts[2] = {first, second};
+        for (unsigned part = 0; part < 2; part++) {
+            for (uint32_t k = 0; k < parts[part]->count; k++) {
+                x[count] = arcs->x_px_q16[parts[part]->first + k];
+                y[count] = arcs->y_px_q16[parts[part]->first + k];
+                count++;
+            }
+        }
+        if (try_points(ellipses, x, y, count, first->gradient_mean_q3, true, first->white)) {
+            first->used = true;
+            second->used = true;
+        }
+    }
+}
+
+void ellipses_end(struct ellipses *ellipses)
+{
+    for (uint32_t i = 0; i < ellipses->arcs.count; i++) {
+        if (!ellipses->arcs.at[i].used) {
+            merge_with_later(ellipses, i);
+        }
+    }
+}

@@ -1,0 +1,449 @@
+/* See patches.h. Image offsets from the anchor are held in its unit frame, p = B^-1 (x - c), Q20; patch
+ * coordinates relative to the anchor, w = (u, v) - (u, v)_anchor, Q20. */
+#include "firmware/detect/patches.h"
+
+#include "common/fx/fx.h"
+#include "common/fx/root.h"
+#include "common/fx/smallsolve.h"
+#include "common/fx/turn.h"
+#include "firmware/limits.h"
+
+#define NEIGHBOURS_MAX 256u
+#define TURN_BINS      64u
+#define TURNS_TRIED    3u
+#define TERMS_MAX      6u
+/* The farthest feature of a patch is 0.70 sides from the anchor. */
+#define REACH_Q20 ((int64_t)(FX_Q(0.75, 20)))
+/* Features are at least 0.2 sides apart at two levels, 0.073 at three. */
+#define NEAR_FIRST_Q20  FX_Q(0.085, 20)
+#define NEAR_THEN_Q20   FX_Q(0.05, 20)
+#define NEAR_LEVEL3_Q20 FX_Q(0.025, 20)
+
+/* The map from the unit frame to the patch: w = sum_k coefficient_k term_k(p / 8, q / 8), terms 1, p,
+ * q, p^2, p q, q^2. */
+struct patch_map {
+    int64_t u_q30[TERMS_MAX];
+    int64_t v_q30[TERMS_MAX];
+};
+
+/* One anchor under trial. */
+struct trial {
+    const struct marks *marks;
+    uint32_t            anchor;
+    uint32_t            anchor_radius_q20; /* in sides */
+    uint32_t            count;
+    struct patches_neighbour *neighbours;
+    uint32_t            found[LAYOUT_FEATURES_MAX]; /* neighbour by feature, or MARKS_NONE */
+};
+
+uint32_t patches_size_ratio_q8(unsigned levels)
+{
+    const struct layout_feature *anchor = layout_feature(levels, LAYOUT_ANCHOR);
+    const struct layout_feature *common = layout_feature(levels, layout_feature_count(levels) - 1);
+    return (uint32_t)(((uint64_t)anchor->inradius_q30 << 8) / (uint64_t)common->inradius_q30);
+}
+
+void patches_init(struct patches *patches, struct arena *arena,
+                  const struct patches_settings *settings, unsigned width, unsigned height)
+{
+    patches->settings = *settings;
+    const uint32_t marks = limit_ellipses(width, height);
+    patches->size = marks / LAYOUT_FEATURES_LEVEL2 + 1;
+    patches->size = patches->size > LIMIT_PATCHES ? LIMIT_PATCHES : patches->size;
+    patches->at = arena_take(arena, patches->size, sizeof(struct patch));
+    patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
+
+    const unsigned features = layout_feature_count(settings->levels);
+    const struct layout_feature *anchor = layout_feature(settings->levels, LAYOUT_ANCHOR);
+    for (unsigned i = 0; i < features; i++) {
+        const struct layout_feature *feature = layout_feature(settings->levels, i);
+        struct patches_slot *slot = &patches->slots[i];
+        const int64_t u_q30 = (int64_t)feature->u_q30 - anchor->u_q30;
+        const int64_t v_q30 = (int64_t)feature->v_q30 - anchor->v_q30;
+        slot->u_q20 = (int32_t)fx_round_shift_i64(u_q30, 10);
+        slot->v_q20 = (int32_t)fx_round_shift_i64(v_q30, 10);
+        slot->distance_q20 = root_u64((uint64_t)(u_q30 * u_q30 + v_q30 * v_q30)) >> 10;
+        slot->direction_turn_q16 = turn_atan2_q16(v_q30, u_q30);
+        slot->radius_q20 =
+            (uint32_t)(((uint64_t)feature->inradius_q30 * settings->circle_ratio_q16) >> 26);
+    }
+}
+
+/* Collects the marks around the anchor that can belong to its patch. */
+static bool gather_neighbours(struct trial *trial, const struct patches *patches)
+{
+    const struct marks *marks = trial->marks;
+    const struct mark *anchor = &marks->at[trial->anchor];
+    trial->anchor_radius_q20 = patches->slots[LAYOUT_ANCHOR].radius_q20;
+    /* Reach in anchor radii, and in pixels along the ellipse's larger axis. */
+    const int64_t reach_radii_q8 = (REACH_Q20 << 8) / trial->anchor_radius_q20;
+    uint32_t major_px_q16;
+    uint32_t minor_px_q16;
+    uint16_t angle;
+    struct ellipse_root root;
+    ellipse_axes(&anchor->ellipse, &major_px_q16, &minor_px_q16, &angle);
+    if (!ellipse_take_root(&anchor->ellipse, &root)) {
+        return false;
+    }
+    int64_t reach_px_q16 = ((int64_t)major_px_q16 * reach_radii_q8) >> 8;
+    reach_px_q16 += reach_px_q16 / 4;
+    uint32_t near[NEIGHBOURS_MAX];
+    const uint32_t near_count =
+        marks_near(marks, anchor->ellipse.x_px_q16, anchor->ellipse.y_px_q16,
+                   (uint32_t)(reach_px_q16 > INT32_MAX ? INT32_MAX : reach_px_q16), near,
+                   NEIGHBOURS_MAX);
+    trial->count = 0;
+    for (uint32_t i = 0; i < near_count; i++) {
+        const struct mark *mark = &marks->at[near[i]];
+        if (near[i] == trial->anchor) {
+            continue;
+        }
+        /* Forward substitution with B; offsets below 2^30. */
+        const int64_t dx = (int64_t)mark->ellipse.x_px_q16 - anchor->ellipse.x_px_q16;
+        const int64_t dy = (int64_t)mark->ellipse.y_px_q16 - anchor->ellipse.y_px_q16;
+        const int64_t p_q20 = dx * ((int64_t)1 << 20) / root.xx_px_q16;
+        const int64_t rest = dy - fx_round_shift_i64(p_q20 * root.yx_px_q16, 20);
+        const int64_t q_q20 = rest * ((int64_t)1 << 20) / root.yy_px_q16;
+        const int64_t limit_q20 = reach_radii_q8 * ((int64_t)1 << 12) * 5 / 4;
+        if (fx_abs_i64(p_q20) > limit_q20 || fx_abs_i64(q_q20) > limit_q20) {
+            continue;
+        }
+        trial->neighbours[trial->count++] = (struct patches_neighbour){
+            .mark = near[i],
+            .p_q20 = (int32_t)p_q20,
+            .q_q20 = (int32_t)q_q20,
+            .radius_q20 = (uint32_t)(((uint64_t)mark->size_px_q16 * trial->anchor_radius_q20) /
+                                     anchor->size_px_q16),
+        };
+    }
+    return trial->count + 1 >= LAYOUT_FEATURES_LEVEL2;
+}
+
+/* A size that differs by less than a factor of 1.5 from the expected one: large and small differ by two. */
+static bool size_fits(uint32_t radius_q20, uint32_t expected_q20)
+{
+    return 2 * (uint64_t)radius_q20 <= 3 * (uint64_t)expected_q20 &&
+           3 * (uint64_t)radius_q20 >= 2 * (uint64_t)expected_q20;
+}
+
+/* Fills turns[] with the most voted directions of the patch's u axis, best first. Two thirds of the
+ * votes for the true turn survive the strongest perspective. */
+static unsigned vote_turns(const struct trial *trial, const struct patches *patches,
+                           uint16_t turns[TURNS_TRIED])
+{
+    uint16_t votes[TURN_BINS] = {0};
+    for (uint32_t j = 0; j < trial->count; j++) {
+        const struct patches_neighbour *n = &trial->neighbours[j];
+        const uint64_t radii_q20 =
+            root_u64((uint64_t)((int64_t)n->p_q20 * n->p_q20 + (int64_t)n->q_q20 * n->q_q20));
+        const int64_t distance_q20 = (int64_t)((radii_q20 * trial->anchor_radius_q20) >> 20);
+        const uint16_t direction = turn_atan2_q16(n->q_q20, n->p_q20);
+        for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+            const struct patches_slot *slot = &patches->slots[i];
+            if (fx_abs_i64(distance_q20 - slot->distance_q20) * 5 < slot->distance_q20 &&
+                size_fits(n->radius_q20, slot->radius_q20)) {
+                const uint16_t turn = (uint16_t)(direction - slot->direction_turn_q16);
+                const unsigned bin = turn / (65536u / TURN_BINS);
+                /* The vote reaches the two neighbours, for the turn need not be a bin's centre. */
+                votes[bin] = (uint16_t)(votes[bin] + 2);
+                votes[(bin + 1) % TURN_BINS]++;
+                votes[(bin + TURN_BINS - 1) % TURN_BINS]++;
+            }
+        }
+    }
+    unsigned count = 0;
+    while (count < TURNS_TRIED) {
+        unsigned best = 0;
+        for (unsigned bin = 1; bin < TURN_BINS; bin++) {
+            best = votes[bin] > votes[best] ? bin : best;
+        }
+        if (votes[best] < 8) {
+            break;
+        }
+        turns[count++] = (uint16_t)(best * (65536u / TURN_BINS) + 32768u / TURN_BINS);
+        for (unsigned k = 0; k < 5; k++) {
+            votes[(best + k + TURN_BINS - 2) % TURN_BINS] = 0;
+        }
+    }
+    return count;
+}
+
+static void fill_terms(int32_t p_q20, int32_t q_q20, int64_t terms_q30[TERMS_MAX])
+{
+    const int64_t p = (int64_t)p_q20 * 128; /* p / 8 in Q30; |p / 8| < 2 */
+    const int64_t q = (int64_t)q_q20 * 128;
+    terms_q30[0] = (int64_t)1 << 30;
+    terms_q30[1] = p;
+    terms_q30[2] = q;
+    terms_q30[3] = fx_mul_q30(p, p);
+    terms_q30[4] = fx_mul_q30(p, q);
+    terms_q30[5] = fx_mul_q30(q, q);
+}
+
+/* Moves every neighbour into the patch by the map. */
+static void apply_map(struct trial *trial, const struct patch_map *map)
+{
+    for (uint32_t j = 0; j < trial->count; j++) {
+        struct patches_neighbour *n = &trial->neighbours[j];
+        int64_t terms_q30[TERMS_MAX];
+        fill_terms(n->p_q20, n->q_q20, terms_q30);
+        int64_t u_q30 = 0;
+        int64_t v_q30 = 0;
+        for (unsigned k = 0; k < TERMS_MAX; k++) {
+            u_q30 += fx_round_shift_i64((map->u_q30[k] >> 8) * terms_q30[k], 22);
+            v_q30 += fx_round_shift_i64((map->v_q30[k] >> 8) * terms_q30[k], 22);
+        }
+        n->u_q20 = fx_saturate_i32(u_q30 >> 10);
+        n->v_q20 = fx_saturate_i32(v_q30 >> 10);
+    }
+}
+
+/* For each feature from `first` on, the nearest neighbour within `near`, of the right size. Returns how many
+ * of them were found. */
+static unsigned match_features(struct trial *trial, const struct patches *patches, unsigned first,
+                               unsigned last, int64_t near_q20)
+{
+    unsigned count = 0;
+    for (unsigned i = first; i < last; i++) {
+        const struct patches_slot *slot = &patches->slots[i];
+        int64_t best = near_q20 * near_q20;
+        trial->found[i] = MARKS_NONE;
+        for (uint32_t j = 0; j < trial->count; j++) {
+            const struct patches_neighbour *n = &trial->neighbours[j];
+            const int64_t du = (int64_t)n->u_q20 - slot->u_q20;
+            const int64_t dv = (int64_t)n->v_q20 - slot->v_q20;
+            const int64_t distance = du * du + dv * dv;
+            if (distance < best && size_fits(n->radius_q20, slot->radius_q20)) {
+                best = distance;
+                trial->found[i] = j;
+            }
+        }
+        count += trial->found[i] != MARKS_NONE ? 1 : 0;
+    }
+    return count;
+}
+
+/* Least squares over the pairs found, the anchor among them, with the first `terms` terms. */
+static bool fit_map(const struct trial *trial, const struct patches *patches, unsigned terms,
+                    struct patch_map *map)
+{
+    struct smallsolve normal = {.size = terms};
+    int64_t right_u[TERMS_MAX] = {0};
+    int64_t right_v[TERMS_MAX] = {0};
+    int64_t pairs = 0;
+    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        if (i != LAYOUT_ANCHOR && trial->found[i] == MARKS_NONE) {
+            continue;
+        }
+        int64_t terms_q30[TERMS_MAX];
+        const struct patches_neighbour *n = &trial->neighbours[i == LAYOUT_ANCHOR ? 0 : trial->found[i]];
+        fill_terms(i == LAYOUT_ANCHOR ? 0 : n->p_q20, i == LAYOUT_ANCHOR ? 0 : n->q_q20,
+                   terms_q30);
+        for (unsigned row = 0; row < terms; row++) {
+            for (unsigned col = 0; col <= row; col++) {
+                normal.at_q30[row][col] += fx_mul_q30(terms_q30[row], terms_q30[col]);
+            }
+            right_u[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].u_q20 << 10);
+            right_v[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].v_q20 << 10);
+        }
+        pairs++;
+    }
+    for (unsigned row = 0; row < terms; row++) {
+        for (unsigned col = 0; col <= row; col++) {
+            normal.at_q30[row][col] /= pairs;
+        }
+        right_u[row] /= pairs;
+        right_v[row] /= pairs;
+    }
+    *map = (struct patch_map){0};
+    if (!smallsolve_factor(&normal, (int64_t)1 << 12) || !smallsolve_solve(&normal, right_u) ||
+        !smallsolve_solve(&normal, right_v)) {
+        return false;
+    }
+    for (unsigned k = 0; k < terms; k++) {
+        if (fx_abs_i64(right_u[k]) > (int64_t)1 << 36 || fx_abs_i64(right_v[k]) > (int64_t)1 << 36) {
+            return false;
+        }
+        map->u_q30[k] = right_u[k];
+        map->v_q30[k] = right_v[k];
+    }
+    return true;
+}
+
+/* The map for a patch whose u axis points along `turn` in the unit frame: a rotation by -turn, scaled by
+ * the anchor's radius. */
+static struct patch_map turned_map(uint16_t turn, uint32_t anchor_radius_q20)
+{
+    int32_t cos_q30;
+    int32_t sin_q30;
+    turn_cos_sin_q30(turn, &cos_q30, &sin_q30);
+    const int64_t c = fx_round_shift_i64((int64_t)cos_q30 * anchor_radius_q20, 17); /* times 8 */
+    const int64_t s = fx_round_shift_i64((int64_t)sin_q30 * anchor_radius_q20, 17);
+    return (struct patch_map){.u_q30 = {0, c, s}, .v_q30 = {0, -s, c}};
+}
+
+/* Whether the neighbours are the patch that lies along `turn`; then trial->found holds its features. */
+static bool try_turn(struct trial *trial, const struct patches *patches, uint16_t turn)
+{
+    struct patch_map map = turned_map(turn, trial->anchor_radius_q20);
+    apply_map(trial, &map);
+    unsigned found =
+        match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_FIRST_Q20);
+    for (unsigned round = 0; round < 2; round++) {
+        if (found < 5 || !fit_map(trial, patches, 3, &map)) {
+            return false;
+        }
+        apply_map(trial, &map);
+        found = match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_FIRST_Q20);
+    }
+    if (found < 9 || !fit_map(trial, patches, TERMS_MAX, &map)) {
+        return false;
+    }
+    apply_map(trial, &map);
+    found = match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_THEN_Q20);
+    if (found + 1 != LAYOUT_FEATURES_LEVEL2) {
+        return false;
+    }
+    if (patches->settings.levels == LAYOUT_LEVELS_MAX) {
+        (void)fit_map(trial, patches, TERMS_MAX, &map);
+        apply_map(trial, &map);
+        (void)match_features(trial, patches, LAYOUT_FEATURES_LEVEL2, LAYOUT_FEATURES_LEVEL3,
+                             NEAR_LEVEL3_Q20);
+    }
+    return true;
+}
+
+static bool is_white(const struct trial *trial, unsigned feature)
+{
+    return trial->marks->at[trial->neighbours[trial->found[feature]].mark].white;
+}
+
+/* Reads the id; checks it. Level-3 circles of the wrong colour are dropped. */
+static bool read_patch(struct trial *trial, struct patches *patches, struct patch *out)
+{
+    const unsigned levels = patches->settings.levels;
+    uint16_t id = 0;
+    for (unsigned bit = 0; bit < LAYOUT_BITS; bit++) {
+        id |= (uint16_t)(is_white(trial, 1 + bit) ? 1u << bit : 0u);
+    }
+    if (layout_circle_is_white(levels, id, LAYOUT_ANCHOR) !=
+        trial->marks->at[trial->anchor].white) {
+        patches->bad_parity++;
+        return false;
+    }
+    const struct target *target = patches->settings.target;
+    uint16_t row;
+    uint16_t col;
+    uint8_t turn;
+    if (target != NULL && !target_find(target, id, &row, &col, &turn)) {
+        patches->not_on_target++;
+        return false;
+    }
+    out->id = id;
+    out->feature_count = 0;
+    const unsigned features = layout_feature_count(levels);
+    for (unsigned i = 0; i < features; i++) {
+        uint32_t mark = MARKS_NONE;
+        if (i == LAYOUT_ANCHOR) {
+            mark = trial->anchor;
+        } else if (trial->found[i] != MARKS_NONE &&
+                   is_white(trial, i) == layout_circle_is_white(levels, id, i)) {
+            mark = trial->neighbours[trial->found[i]].mark;
+        }
+        out->marks[i] = mark;
+        out->feature_count = (uint16_t)(out->feature_count + (mark != MARKS_NONE ? 1 : 0));
+    }
+    return true;
+}
+
+static void sift_down(struct patch *at, uint32_t root, uint32_t count)
+{
+    for (;;) {
+        uint32_t child = 2 * root + 1;
+        if (child >= count) {
+            return;
+        }
+        if (child + 1 < count && at[child + 1].id > at[child].id) {
+            child++;
+        }
+        if (at[child].id <= at[root].id) {
+            return;
+        }
+        const struct patch swap = at[root];
+        at[root] = at[child];
+        at[child] = swap;
+        root = child;
+    }
+}
+
+/* Heap sort by id: no recursion, no extra memory. */
+static void sort_by_id(struct patch *at, uint32_t count)
+{
+    for (uint32_t i = count / 2; i-- > 0;) {
+        sift_down(at, i, count);
+    }
+    for (uint32_t last = count; last-- > 1;) {
+        const struct patch swap = at[0];
+        at[0] = at[last];
+        at[last] = swap;
+        sift_down(at, 0, last);
+    }
+}
+
+/* An id that stands twice in the frame is wrong at least once, and nobody knows where. */
+static void drop_claimed_twice(struct patches *patches)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < patches->count;) {
+        uint32_t end = i + 1;
+        while (end < patches->count && patches->at[end].id == patches->at[i].id) {
+            end++;
+        }
+        if (end == i + 1) {
+            if (kept != i) {
+                patches->at[kept] = patches->at[i];
+            }
+            kept++;
+        } else {
+            patches->twice++;
+        }
+        i = end;
+    }
+    patches->count = kept;
+}
+
+void patches_decode(const struct marks *marks, struct patches *patches)
+{
+    struct trial trial = {.marks = marks, .neighbours = patches->neighbours};
+    patches->count = 0;
+    patches->anchors = 0;
+    patches->bad_parity = 0;
+    patches->not_on_target = 0;
+    patches->twice = 0;
+    patches->truncated = false;
+    for (uint32_t i = 0; i < marks->count; i++) {
+        if (!marks->at[i].large) {
+            continue;
+        }
+        patches->anchors++;
+        trial.anchor = i;
+        uint16_t turns[TURNS_TRIED];
+        unsigned turn_count = 0;
+        if (gather_neighbours(&trial, patches)) {
+            turn_count = vote_turns(&trial, patches, turns);
+        }
+        for (unsigned t = 0; t < turn_count; t++) {
+            if (!try_turn(&trial, patches, turns[t])) {
+                continue;
+            }
+            if (patches->count == patches->size) {
+                patches->truncated = true;
+            } else if (read_patch(&trial, patches, &patches->at[patches->count])) {
+                patches->count++;
+            }
+            break;
+        }
+    }
+    sort_by_id(patches->at, patches->count);
+    drop_claimed_twice(patches);
+}

@@ -1,0 +1,71 @@
+/* Marks -> patches: which circle is which.
+ *
+ * Each large mark is taken for an anchor. Its ellipse says how the patch is stretched (it is a circle on the
+ * target), all but the turn: in the frame where the anchor is the unit circle every neighbour that stands as
+ * far off as some feature does votes for a turn. For the best turns the features' places are
+ * predicted, the marks nearest to them taken, and a smooth map from image to patch fitted to the pairs, which
+ * draws the prediction closer: first affine, then of second order, for perspective and distortion bend it.
+ *
+ * A patch counts when all its circles are found where they must be, in the right size; then the colours of the
+ * twelve bits are its id, and the anchor's colour must be the id's parity. An id that is not on the
+ * target (where one is given), or that two places claim, is refused. */
+#ifndef TESSERA_FIRMWARE_DETECT_PATCHES_H
+#define TESSERA_FIRMWARE_DETECT_PATCHES_H
+
+#include "common/target/target.h"
+#include "firmware/detect/marks.h"
+
+/* What is known of the targets in view. */
+struct patches_settings {
+    uint8_t              levels;           /* 2 or 3                                   */
+    uint32_t             circle_ratio_q16; /* circle radius over inradius              */
+    const struct target *target;           /* NULL: any id may be seen                 */
+};
+
+struct patch {
+    uint16_t id;
+    uint16_t feature_count;
+    uint32_t marks[LAYOUT_FEATURES_MAX]; /* by feature index; MARKS_NONE where not found */
+};
+
+/* One neighbour of the anchor at hand, relative to it. */
+struct patches_neighbour {
+    uint32_t mark;
+    int32_t  p_q20;      /* in the anchor's unit frame    */
+    int32_t  q_q20;
+    int32_t  u_q20;      /* in the patch, as mapped so far */
+    int32_t  v_q20;
+    uint32_t radius_q20; /* in patch sides                */
+};
+
+struct patches {
+    struct patches_settings settings;
+    struct patch           *at;          /* by rising id */
+    struct patches_neighbour *neighbours;
+    uint32_t                count;
+    uint32_t                size;
+    /* Counters of the frame. */
+    uint32_t anchors;        /* large marks tried                                 */
+    uint32_t bad_parity;     /* complete patches whose anchor contradicts the id  */
+    uint32_t not_on_target;
+    uint32_t twice;          /* ids claimed by two places                         */
+    bool     truncated;
+    /* Per feature: place relative to the anchor in patch units, Q20, and its direction. */
+    struct patches_slot {
+        int32_t  u_q20;
+        int32_t  v_q20;
+        uint32_t distance_q20;
+        uint32_t radius_q20;
+        uint16_t direction_turn_q16;
+    } slots[LAYOUT_FEATURES_MAX];
+};
+
+/* The large circle's radius over that of the bits' circles (the common features at three levels). */
+uint32_t patches_size_ratio_q8(unsigned levels);
+
+void patches_init(struct patches *patches, struct arena *arena,
+                  const struct patches_settings *settings, unsigned width, unsigned height);
+
+void patches_decode(const struct marks *marks, struct patches *patches);
+
+#endif
