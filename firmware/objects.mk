@@ -1,6 +1,8 @@
 # The detector: no operating system, no heap, no floating point.
 detect_FLAGS := $(core_flags)
 detect_SRC := \
+  firmware/detect/packet.c \
+  firmware/app/pipeline.c \
   firmware/detect/patches.c \
   firmware/detect/marks.c \
   firmware/detect/arcs.c \

@@ -342,11 +342,11 @@ static bool read_patch(struct trial *trial, struct patches *patches, struct patc
     out->id = id;
     out->feature_count = 0;
     const unsigned features = layout_feature_count(levels);
-    for (unsigned i = 0; i < features; i++) {
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         uint32_t mark = MARKS_NONE;
         if (i == LAYOUT_ANCHOR) {
             mark = trial->anchor;
-        } else if (trial->found[i] != MARKS_NONE &&
+        } else if (i < features && trial->found[i] != MARKS_NONE &&
                    is_white(trial, i) == layout_circle_is_white(levels, id, i)) {
             mark = trial->neighbours[trial->found[i]].mark;
         }

@@ -1,0 +1,117 @@
+/* Calls the stages in order. */
+#include "firmware/app/pipeline.h"
+
+#include "firmware/detect/directfit.h"
+#include "firmware/limits.h"
+
+static_assert(DIRECTFIT_POINTS_MAX >= LIMIT_CONTOUR_POINTS, "the fit takes whole contours");
+
+struct pipeline_settings pipeline_defaults(void)
+{
+    return (struct pipeline_settings){
+        .kernel_radius_px = 3,
+        .gradient_min_q3 = 320, /* 2.5 grey levels a pixel: three times the noise of a bad camera */
+        .patches = {.levels = 2, .circle_ratio_q16 = 32768, .target = NULL},
+    };
+}
+
+uint64_t pipeline_settings_digest(const struct pipeline_settings *settings)
+{
+    const uint32_t values[] = {settings->kernel_radius_px, settings->gradient_min_q3,
+                               settings->patches.levels, settings->patches.circle_ratio_q16};
+    uint64_t digest = 0xcbf29ce484222325u;
+    for (unsigned i = 0; i < sizeof values / sizeof values[0]; i++) {
+        for (unsigned byte = 0; byte < 4; byte++) {
+            digest = (digest ^ (values[i] >> (8 * byte) & 0xffu)) * 0x100000001b3u;
+        }
+    }
+    return digest;
+}
+
+static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t width_px,
+                        uint16_t height_px, const struct pipeline_settings *settings)
+{
+    steer_init(&pipeline->steer, arena, &dsp_scalar, settings->kernel_radius_px,
+               settings->gradient_min_q3, width_px, height_px);
+    edges_init(&pipeline->edges, arena, width_px);
+    chains_init(&pipeline->chains, arena, width_px, height_px);
+    pipeline->contour.x_px_q16 = arena_take(arena, LIMIT_CONTOUR_POINTS, sizeof(int32_t));
+    pipeline->contour.y_px_q16 = arena_take(arena, LIMIT_CONTOUR_POINTS, sizeof(int32_t));
+    ellipses_init(&pipeline->ellipses, arena, width_px, height_px);
+    marks_init(&pipeline->marks, arena, width_px, height_px);
+    patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
+    packet_init(&pipeline->packet, arena, width_px, height_px);
+}
+
+size_t pipeline_bytes(uint16_t width_px, uint16_t height_px)
+{
+    static struct pipeline counted; /* only its sizes are set: too large for a small stack */
+    struct arena arena = {0};
+    const struct pipeline_settings settings = pipeline_defaults();
+    deal_memory(&counted, &arena, width_px, height_px, &settings);
+    return arena.used;
+}
+
+void pipeline_init(struct pipeline *pipeline, void *memory, size_t bytes, uint16_t width_px,
+                   uint16_t height_px, const struct pipeline_settings *settings)
+{
+    assert(width_px >= 1 && width_px <= LIMIT_SIDE_PX);
+    assert(height_px >= 1 && height_px <= LIMIT_SIDE_PX);
+    struct arena arena = {.base = memory, .size = bytes};
+    pipeline->settings = *settings;
+    pipeline->width_px = width_px;
+    pipeline->height_px = height_px;
+    deal_memory(pipeline, &arena, width_px, height_px, settings);
+}
+
+void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
+{
+    assert(frame->width_px == pipeline->width_px && frame->height_px == pipeline->height_px);
+    steer_begin(&pipeline->steer);
+    chains_begin(&pipeline->chains);
+    ellipses_begin(&pipeline->ellipses);
+
+    const struct dsp_gradient *above = NULL;
+    for (uint16_t y = 0; y < frame->height_px; y++) {
+        const struct dsp_gradient *row = steer_row(&pipeline->steer, frame, y);
+        edges_scan_row(above, row, y, frame->width_px, &pipeline->edges);
+        chains_link_row(&pipeline->chains, &pipeline->edges, y == 0);
+        while (chains_take(&pipeline->chains, ELLIPSES_POINTS_MIN, &pipeline->contour)) {
+            ellipses_add(&pipeline->ellipses, &pipeline->contour);
+        }
+        above = row;
+    }
+    chains_end(&pipeline->chains);
+    while (chains_take(&pipeline->chains, ELLIPSES_POINTS_MIN, &pipeline->contour)) {
+        ellipses_add(&pipeline->ellipses, &pipeline->contour);
+    }
+    ellipses_end(&pipeline->ellipses);
+    marks_classify(&pipeline->ellipses, pipeline->steer.taps->sigma_px_q16,
+                   patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
+    patches_decode(&pipeline->marks, &pipeline->patches);
+}
+
+uint16_t pipeline_truncated(const struct pipeline *pipeline)
+{
+    unsigned bits = 0;
+    bits |= pipeline->chains.truncated ? (unsigned)WIRE_TRUNCATED_EDGES : 0u;
+    bits |= pipeline->ellipses.arcs.truncated ? (unsigned)WIRE_TRUNCATED_CHAINS : 0u;
+    bits |= pipeline->ellipses.truncated ? (unsigned)WIRE_TRUNCATED_ELLIPSES : 0u;
+    bits |= pipeline->patches.truncated ? (unsigned)WIRE_TRUNCATED_PATCHES : 0u;
+    return (uint16_t)bits;
+}
+
+const struct packet *pipeline_packet(struct pipeline *pipeline, const struct wire_header *about)
+{
+    struct wire_header header = *about;
+    const struct target *target = pipeline->settings.patches.target;
+    header.width_px = pipeline->width_px;
+    header.height_px = pipeline->height_px;
+    header.target_digest = target != NULL ? target_digest(target) : 0;
+    header.settings_digest = pipeline_settings_digest(&pipeline->settings);
+    header.truncated = pipeline_truncated(pipeline);
+    if (!packet_build(&pipeline->packet, &header, &pipeline->marks, &pipeline->patches)) {
+        return NULL;
+    }
+    return &pipeline->packet;
+}
