@@ -1,21 +1,21 @@
-# The detector: no operating system, no heap, no floating point.
+# The detector, in the order of a frame's way: no operating system, no heap, no floating point.
 detect_FLAGS := $(core_flags)
 detect_SRC := \
-  firmware/detect/packet.c \
-  firmware/app/pipeline.c \
-  firmware/detect/patches.c \
-  firmware/detect/marks.c \
-  firmware/detect/arcs.c \
-  firmware/detect/ellipses.c \
-  firmware/detect/refit.c \
-  firmware/detect/ellipse.c \
-  firmware/detect/directfit.c \
-  firmware/detect/chains.c \
-  firmware/detect/edges.c \
-  firmware/detect/steer.c \
-  firmware/detect/dsp_scalar.c \
   firmware/detect/luma.c \
   firmware/detect/taps_table.c \
+  firmware/detect/dsp_scalar.c \
+  firmware/detect/steer.c \
+  firmware/detect/edges.c \
+  firmware/detect/chains.c \
+  firmware/detect/arcs.c \
+  firmware/detect/ellipse.c \
+  firmware/detect/directfit.c \
+  firmware/detect/refit.c \
+  firmware/detect/ellipses.c \
+  firmware/detect/marks.c \
+  firmware/detect/patches.c \
+  firmware/detect/packet.c \
+  firmware/app/pipeline.c \
 
 $(eval $(call library,detect))
 
@@ -23,5 +23,12 @@ $(eval $(call library,detect))
 firmware_SRC := \
   firmware/net/sender.c \
   firmware/net/sock_sys_linux.c \
+  firmware/app/detector_options.c \
+  firmware/app/image_file.c \
 
 $(eval $(call library,firmware))
+
+tessera-detect_SRC := firmware/app/main_detect.c
+tessera-detect_LIBS := firmware detect targetfile common
+tessera-detect_LDLIBS := -lpng -lcjson -lm
+$(eval $(call program,tessera-detect))
