@@ -60,8 +60,8 @@ bool folder_complete_format(struct folder_format *format, char sentence[SENTENCE
 {
     if (format->width_px < 1 || format->width_px > 65535 || format->height_px < 1 ||
         format->height_px > 65535) {
-        return sentence_say(sentence, "width and height must be 1..65535, not %u x %u", format->width_px,
-                   format->height_px);
+        return sentence_say(sentence, "width and height must be 1..65535, not %u x %u",
+                            format->width_px, format->height_px);
     }
     uint32_t row_bytes = 0;
     uint64_t rows = format->height_px;
@@ -77,14 +77,15 @@ bool folder_complete_format(struct folder_format *format, char sentence[SENTENCE
     case V4L2_PIX_FMT_YUYV:
     case V4L2_PIX_FMT_UYVY:
         if (format->width_px % 2 != 0) {
-            return sentence_say(sentence, "width must be even for YUYV and UYVY, not %u", format->width_px);
+            return sentence_say(sentence, "width must be even for YUYV and UYVY, not %u",
+                                format->width_px);
         }
         row_bytes = 2 * format->width_px;
         break;
     case V4L2_PIX_FMT_NV12:
         if (format->width_px % 2 != 0 || format->height_px % 2 != 0) {
-            return sentence_say(sentence, "width and height must be even for NV12, not %u x %u", format->width_px,
-                       format->height_px);
+            return sentence_say(sentence, "width and height must be even for NV12, not %u x %u",
+                                format->width_px, format->height_px);
         }
         row_bytes = format->width_px;
         rows += format->height_px / 2;
@@ -96,11 +97,13 @@ bool folder_complete_format(struct folder_format *format, char sentence[SENTENCE
         format->stride_bytes = row_bytes;
     }
     if (format->stride_bytes < row_bytes) {
-        return sentence_say(sentence, "bytesperline %u is less than a row's %u bytes", format->stride_bytes, row_bytes);
+        return sentence_say(sentence, "bytesperline %u is less than a row's %u bytes",
+                            format->stride_bytes, row_bytes);
     }
     const uint64_t image_bytes = rows * format->stride_bytes;
     if (image_bytes > IMAGE_BYTES_MAX) {
-        return sentence_say(sentence, "a frame of %llu bytes is too large", (unsigned long long)image_bytes);
+        return sentence_say(sentence, "a frame of %llu bytes is too large",
+                            (unsigned long long)image_bytes);
     }
     format->image_bytes = (uint32_t)image_bytes;
     return true;
@@ -130,7 +133,8 @@ static bool list_files(struct folder *folder, char sentence[SENTENCE_BYTES])
 {
     DIR *const dir = opendir(folder->path);
     if (dir == NULL) {
-        return sentence_say(sentence, "%s: cannot read the folder of frames: %s", folder->path, strerror(errno));
+        return sentence_say(sentence, "%s: cannot read the folder of frames: %s", folder->path,
+                            strerror(errno));
     }
     bool fine = true;
     size_t room = 0;
@@ -153,13 +157,15 @@ static bool list_files(struct folder *folder, char sentence[SENTENCE_BYTES])
         }
         struct folder_frame *const frame = &folder->frames[folder->count];
         *frame = (struct folder_frame){.name = strdup(entry->d_name)};
-        fine = frame->name != NULL || sentence_say(sentence, "%s: no memory for the list of frames", folder->path);
+        fine = frame->name != NULL ||
+               sentence_say(sentence, "%s: no memory for the list of frames", folder->path);
         folder->count += fine ? 1 : 0;
     }
     (void)closedir(dir);
     if (fine && folder->count == 0) {
-        fine = sentence_say(sentence, "%s: the folder holds no frames (PGM files, or raw files with a format.json)",
-                   folder->path);
+        fine = sentence_say(
+            sentence, "%s: the folder holds no frames (PGM files, or raw files with a format.json)",
+            folder->path);
     }
     return fine;
 }
@@ -184,8 +190,9 @@ static bool pgm_format(const char *path, FILE *file, struct folder_format *forma
         break;
     default:
         if (head->maxval > 255) {
-            return sentence_say(sentence, "%s: maxval %u is none of 255 and less, 1023, 4095, 65535", path,
-                       head->maxval);
+            return sentence_say(sentence,
+                                "%s: maxval %u is none of 255 and less, 1023, 4095, 65535", path,
+                                head->maxval);
         }
         format->fourcc = V4L2_PIX_FMT_GREY;
         break;
@@ -202,8 +209,9 @@ static bool check_size(const char *path, FILE *file, uint64_t expected_bytes,
         return sentence_say(sentence, "%s: cannot be examined: %s", path, strerror(errno));
     }
     if ((uint64_t)info.st_size != expected_bytes) {
-        return sentence_say(sentence, "%s: the file has %lld bytes where its format and size ask for %llu", path,
-                   (long long)info.st_size, (unsigned long long)expected_bytes);
+        return sentence_say(sentence,
+                            "%s: the file has %lld bytes where its format and size ask for %llu",
+                            path, (long long)info.st_size, (unsigned long long)expected_bytes);
     }
     return true;
 }
@@ -224,8 +232,9 @@ static FILE *open_frame(const struct folder *folder, size_t index, struct folder
         *format = folder->format;
         fine = check_size(path, file, format->image_bytes, sentence);
     } else {
-        fine = pgm_format(path, file, format, head, sentence) &&
-               check_size(path, file, (uint64_t)head->pixels_offset + format->image_bytes, sentence);
+        fine =
+            pgm_format(path, file, format, head, sentence) &&
+            check_size(path, file, (uint64_t)head->pixels_offset + format->image_bytes, sentence);
     }
     if (!fine) {
         (void)fclose(file);
@@ -240,11 +249,13 @@ static bool same_format(const struct folder *folder, size_t index, const struct 
     const struct folder_format *const first = &folder->format;
     if (is->fourcc != first->fourcc || is->width_px != first->width_px ||
         is->height_px != first->height_px) {
-        return sentence_say(sentence, "%s/%s: %u x %u %.4s differs from the first frame's %u x %u %.4s; all frames of "
-                   "a folder must have one format and size",
-                   folder->path, folder->frames[index].name, is->width_px, is->height_px,
-                   (const char *)&is->fourcc, first->width_px, first->height_px,
-                   (const char *)&first->fourcc);
+        return sentence_say(
+            sentence,
+            "%s/%s: %u x %u %.4s differs from the first frame's %u x %u %.4s; all frames of "
+            "a folder must have one format and size",
+            folder->path, folder->frames[index].name, is->width_px, is->height_px,
+            (const char *)&is->fourcc, first->width_px, first->height_px,
+            (const char *)&first->fourcc);
     }
     return true;
 }
@@ -349,7 +360,8 @@ bool folder_read(const struct folder *folder, size_t index, uint8_t *to,
     (void)fclose(file);
     if (fine && !folder->raw && head.maxval > 255 &&
         !swap_samples(to, format.image_bytes, head.maxval)) {
-        fine = sentence_say(sentence, "%s/%s: a sample is larger than maxval %u", folder->path, name, head.maxval);
+        fine = sentence_say(sentence, "%s/%s: a sample is larger than maxval %u", folder->path,
+                            name, head.maxval);
     }
     return fine;
 }

@@ -11,7 +11,7 @@ static bool read_fourcc(const cJSON *item, uint32_t *out)
 {
     static const struct {
         const char *name;
-        uint32_t    fourcc;
+        uint32_t fourcc;
     } known[] = {
         {"GREY", V4L2_PIX_FMT_GREY}, {"Y10", V4L2_PIX_FMT_Y10},   {"Y12", V4L2_PIX_FMT_Y12},
         {"Y16", V4L2_PIX_FMT_Y16},   {"YUYV", V4L2_PIX_FMT_YUYV}, {"UYVY", V4L2_PIX_FMT_UYVY},
@@ -47,24 +47,31 @@ static bool read_object(const cJSON *root, const char *path, struct folder_forma
         if (strcmp(key, "fourcc") == 0 || strcmp(key, "format") == 0 ||
             strcmp(key, "pixelformat") == 0) {
             if (!read_fourcc(item, &out->fourcc)) {
-                return sentence_say(sentence, "%s: \"%s\" must be GREY, Y10, Y12, Y16, YUYV, UYVY or NV12", path, key);
+                return sentence_say(sentence,
+                                    "%s: \"%s\" must be GREY, Y10, Y12, Y16, YUYV, UYVY or NV12",
+                                    path, key);
             }
         } else if (strcmp(key, "width") == 0 || strcmp(key, "height") == 0) {
             if (!read_size(item, 65535, key[0] == 'w' ? &out->width_px : &out->height_px)) {
-                return sentence_say(sentence, "%s: \"%s\" must be a whole number in 1..65535", path, key);
+                return sentence_say(sentence, "%s: \"%s\" must be a whole number in 1..65535", path,
+                                    key);
             }
         } else if (strcmp(key, "bytesperline") == 0) {
             if (!read_size(item, 1 << 20, &out->stride_bytes)) {
-                return sentence_say(sentence, "%s: \"%s\" must be a whole number of bytes", path, key);
+                return sentence_say(sentence, "%s: \"%s\" must be a whole number of bytes", path,
+                                    key);
             }
         } else {
-            return sentence_say(sentence, "%s: the key \"%.100s\" is not known (known: fourcc, width, height, "
-                       "bytesperline)",
-                       path, key);
+            return sentence_say(
+                sentence,
+                "%s: the key \"%.100s\" is not known (known: fourcc, width, height, "
+                "bytesperline)",
+                path, key);
         }
     }
     if (out->fourcc == 0 || out->width_px == 0 || out->height_px == 0) {
-        return sentence_say(sentence, "%s: \"fourcc\", \"width\" and \"height\" are all needed", path);
+        return sentence_say(sentence, "%s: \"fourcc\", \"width\" and \"height\" are all needed",
+                            path);
     }
     char detail[SENTENCE_BYTES];
     return folder_complete_format(out, detail) || sentence_say(sentence, "%s: %s", path, detail);

@@ -104,7 +104,8 @@ static bool read_lines(FILE *file, const char *path, struct folder_frame *frames
         if (number == 1) {
             at = read_header(line);
             if (at.file < 0 || at.t_ns < 0) {
-                return sentence_say(sentence, "%s: line 1 must name the columns file and t_ns", path);
+                return sentence_say(sentence, "%s: line 1 must name the columns file and t_ns",
+                                    path);
             }
         } else if (line[0] != '\0') {
             struct folder_frame row = {0};
@@ -114,7 +115,8 @@ static bool read_lines(FILE *file, const char *path, struct folder_frame *frames
             }
             struct folder_frame *const frame = find(frames, count, row.name);
             if (frame != NULL && given[frame - frames]) {
-                return sentence_say(sentence, "%s: line %d gives %s a second time", path, number, row.name);
+                return sentence_say(sentence, "%s: line %d gives %s a second time", path, number,
+                                    row.name);
             }
             if (frame != NULL) {
                 frame->t_ns = row.t_ns;
