@@ -252,21 +252,29 @@ def test_several_processes_have_a_device_each_at_once(tmp_path):
         assert [line.get("digest") for line in got] == frames + [None]
 
 
-def test_a_file_that_breaks_later_is_a_frame_marked_as_broken(tmp_path):
-    make_folder(tmp_path, "GREY", count=3)
-    script = (f"truncate -s 100 {tmp_path}/f1.pgm; exec " +
-              " ".join(CLIENT) + " --frames 3")
-    run = replay(tmp_path, "sh", "-c", script)
-    # The device is opened after the damage, and then the folder as a whole is refused.
-    assert run.returncode != 0
-    assert "f1.pgm" in run.stderr
+def test_a_file_that_breaks_while_streaming_is_a_frame_marked_as_broken(tmp_path):
+    frames = [digest(frame) for frame in make_folder(tmp_path, "GREY", count=6)]
+    # Two buffers and lockstep: when frame 0 is reported, frames from 2 on are still unread.
+    process = subprocess.Popen(
+        [REPLAY, "--frames", str(tmp_path), "--", *CLIENT, "--buffers", "2", "--frames", "6",
+         "--pause", "0.3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    first = [process.stdout.readline(), process.stdout.readline()]
+    os.truncate(tmp_path / "f4.pgm", 100)
+    out, err = process.communicate(timeout=60)
+    got = [json.loads(line) for line in first[1:] + out.splitlines()]
+    assert process.returncode == 0 and "f4.pgm" in err
+    assert [line["sequence"] for line in got] == list(range(6))
+    error_flag = 0x40
+    assert [bool(line["flags"] & error_flag) for line in got] == [i == 4 for i in range(6)]
+    assert [line["digest"] for line in got[:4] + got[5:]] == frames[:4] + frames[5:]
 
 
 def test_an_address_sanitizer_program_runs_under_the_shim(tmp_path):
     make_folder(tmp_path / "in", "GREY")
     source = tmp_path / "open.c"
     source.write_text("#include <fcntl.h>\n#include <stdlib.h>\n"
-                      "int main(void) { free(malloc(9)); return open(\"/dev/video0\", O_RDWR) < 0; }\n")
+                      "int main(void)\n{\n    free(malloc(9));\n"
+                      "    return open(\"/dev/video0\", O_RDWR) < 0;\n}\n")
     program = tmp_path / "open"
     subprocess.run([need("gcc"), "-fsanitize=address", "-o", str(program), str(source)], check=True)
     run = replay(tmp_path / "in", str(program))

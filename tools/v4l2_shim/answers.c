@@ -1,7 +1,7 @@
 /* One function an ioctl, and a table of them.
  *
- * The order of checks is V4L2's own, and v4l2-compliance insists on it: an unknown request is ENOTTY
- * before its argument is looked at, a known one with a bad pointer is EFAULT. */
+ * The order of checks is V4L2's own, and v4l2-compliance insists on it: an unknown request is
+ * ENOTTY before its argument is looked at, a known one with a bad pointer is EFAULT. */
 #include "tools/v4l2_shim/answers.h"
 
 #include <errno.h>

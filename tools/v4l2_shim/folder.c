@@ -216,7 +216,7 @@ static bool check_size(const char *path, FILE *file, uint64_t expected_bytes,
     return true;
 }
 
-/* Opens frame index with the file position at its first pixel, after checking all but the pixels. */
+/* Opens frame index, positioned at its first pixel, after checking all but the pixels. */
 static FILE *open_frame(const struct folder *folder, size_t index, struct folder_format *format,
                         struct pgm_head *head, char sentence[SENTENCE_BYTES])
 {

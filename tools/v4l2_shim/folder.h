@@ -1,7 +1,7 @@
 /* A folder of frames: which files, in which order, of which format, taken when.
  *
- * Used by tessera-replay, to refuse a bad folder before the command starts, and by the shim, to read
- * the frames. Every failure is one sentence that names the file. */
+ * Used by tessera-replay, to refuse a bad folder before the command starts, and by the shim, to
+ * read the frames. Every failure is one sentence that names the file. */
 #ifndef TESSERA_V4L2_SHIM_FOLDER_H
 #define TESSERA_V4L2_SHIM_FOLDER_H
 
@@ -40,12 +40,13 @@ struct folder {
  * name a file, where format and size cannot go together. */
 bool folder_complete_format(struct folder_format *format, char sentence[SENTENCE_BYTES]);
 
-/* Looks at every file of the folder (headers and sizes, not pixels). raw is the files' format where
- * they are raw, NULL where they are PGM. On false, sentence says why and out needs no close. */
+/* Looks at every file of the folder (headers and sizes, not pixels). raw is the files' format
+ * where they are raw, NULL where they are PGM. On false, sentence says why and out
+ * needs no close. */
 bool folder_open(struct folder *out, const char *path, const struct folder_format *raw,
                  char sentence[SENTENCE_BYTES]);
 
-/* Writes frame index as V4L2 delivers it: format.image_bytes bytes, 16-bit samples little-endian. */
+/* Writes frame index as V4L2 delivers it: format.image_bytes bytes, samples little-endian. */
 bool folder_read(const struct folder *folder, size_t index, uint8_t *to,
                  char sentence[SENTENCE_BYTES]);
 

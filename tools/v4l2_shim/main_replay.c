@@ -41,8 +41,8 @@ static const char help[] =
     "\n"
     "Every process of COMMAND has a device of its own. Static programs and scripts that reset\n"
     "LD_PRELOAD do not see it. Programs built with AddressSanitizer work.\n"
-    "The exit status is COMMAND's; 127 where there is no such command, 126 where it cannot be run,\n"
-    "1 where the frames cannot be shown, 2 for wrong use.\n";
+    "The exit status is COMMAND's; 127 where there is no such command, 126 where it cannot be\n"
+    "run, 1 where the frames cannot be shown, 2 for wrong use.\n";
 
 struct options {
     const char *frames;
@@ -51,7 +51,8 @@ struct options {
     bool        once;
 };
 
-__attribute__((noreturn, format(printf, 2, 3))) static void fail(int status, const char *format, ...)
+__attribute__((noreturn, format(printf, 2, 3))) static void fail(int status, const char *format,
+                                                                 ...)
 {
     va_list rest;
     va_start(rest, format);

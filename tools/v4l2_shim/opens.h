@@ -1,8 +1,8 @@
 /* The program's file descriptors that stand for the device.
  *
  * V4L2 ties buffers to an open file description, which dup() shares, so descriptors are counted per
- * opening. Each one is really an eventfd whose count is the number of frames ready (plus one when the
- * stream has ended): the program's own poll, select and epoll then work on it natively. */
+ * opening. Each one is really an eventfd whose count is the number of frames ready (plus one when
+ * the stream has ended): the program's own poll, select and epoll then work on it natively. */
 #ifndef TESSERA_V4L2_SHIM_OPENS_H
 #define TESSERA_V4L2_SHIM_OPENS_H
 

@@ -33,7 +33,8 @@ int64_t shim_env_period_ns(const char *text)
 
 struct shim_env shim_env_get(void)
 {
-    struct shim_env settings = {.frames = getenv(SHIM_ENV_FRAMES), .device = getenv(SHIM_ENV_DEVICE)};
+    struct shim_env settings = {.frames = getenv(SHIM_ENV_FRAMES),
+                                .device = getenv(SHIM_ENV_DEVICE)};
     if (settings.device == NULL) {
         settings.device = "/dev/video0";
     }

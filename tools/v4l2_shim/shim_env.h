@@ -5,11 +5,11 @@
 #include "tools/v4l2_shim/folder.h"
 
 #define SHIM_ENV_LIBRARY "libtessera-v4l2-shim.so"
-#define SHIM_ENV_FRAMES  "TESSERA_SHIM_FRAMES" /* absolute path of the folder; unset: shim asleep  */
-#define SHIM_ENV_DEVICE  "TESSERA_SHIM_DEVICE" /* /dev/videoN                                      */
-#define SHIM_ENV_FPS     "TESSERA_SHIM_FPS"    /* frames a second; unset: lockstep                 */
-#define SHIM_ENV_ONCE    "TESSERA_SHIM_ONCE"   /* set: EPIPE after the last frame                  */
-#define SHIM_ENV_RAW     "TESSERA_SHIM_RAW"    /* "fourcc width height bytesperline"; unset: PGM   */
+#define SHIM_ENV_FRAMES  "TESSERA_SHIM_FRAMES" /* the folder's absolute path; unset: asleep */
+#define SHIM_ENV_DEVICE  "TESSERA_SHIM_DEVICE" /* /dev/videoN                              */
+#define SHIM_ENV_FPS     "TESSERA_SHIM_FPS"    /* frames a second; unset: lockstep         */
+#define SHIM_ENV_ONCE    "TESSERA_SHIM_ONCE"   /* set: EPIPE after the last frame          */
+#define SHIM_ENV_RAW     "TESSERA_SHIM_RAW"    /* fourcc width height stride; unset: PGM   */
 
 struct shim_env {
     const char          *frames; /* NULL: nothing to show                     */
