@@ -42,7 +42,14 @@ unsigned layout_feature_count(unsigned levels);
 /* Feature `index` of a patch; NULL when levels is not 2 or 3 or there is no such index. The index
  * is 0 for the anchor, 1 + bit for a bit's circle, 13 + 6 * bit + j for a level-3 circle. A bit's
  * circle lies elsewhere, and is half the size, at levels 3. */
+#ifdef __cplusplus
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow" /* C++ sees a constructor hidden; C has none */
+#endif
 const struct layout_feature *layout_feature(unsigned levels, unsigned index);
+#ifdef __cplusplus
+#pragma GCC diagnostic pop
+#endif
 
 /* True when the circle of this feature is white (and its triangle black) in the patch `patch_id`;
  * false for black circles. The feature must exist and patch_id be below 4096. */
