@@ -16,6 +16,7 @@ namespace render {
 namespace {
 
 constexpr double units = 8; // lattice units a patch side
+constexpr double root_half = 0.70710678118654752440;
 constexpr int east = 0;
 constexpr int south = 1;
 constexpr int west = 2;
@@ -45,9 +46,11 @@ double share_beyond(double d, const Eigen::Vector2d& normal)
 }
 
 // Half the width of the cell along `normal`, lattice units.
-double reach_along(const Cell& cell, const Eigen::Vector2d& normal)
+inline double reach_along(const Cell& cell, const Eigen::Vector2d& normal)
 {
-    return 0.5 * cell.side_px * (cell.per_px.transpose() * normal).lpNorm<1>();
+    const Eigen::Matrix2d& j = cell.per_px;
+    return 0.5 * cell.side_px * (std::abs(j(0, 0) * normal.x() + j(1, 0) * normal.y()) +
+                                 std::abs(j(0, 1) * normal.x() + j(1, 1) * normal.y()));
 }
 
 // Share of the cell beyond the line n.p = c, `distance` (lattice) from the centre towards n.
@@ -234,8 +237,8 @@ Mosaic::Crossing Mosaic::cross_meeting(const Eigen::Vector2d& at, const Piece* h
 
 Mosaic::Crossing Mosaic::cross(const Cell& cell) const
 {
-    static const Eigen::Vector2d falling = Eigen::Vector2d(1, -1) / std::sqrt(2.0);
-    static const Eigen::Vector2d rising = Eigen::Vector2d(1, 1) / std::sqrt(2.0);
+    const Eigen::Vector2d falling(root_half, -root_half);
+    const Eigen::Vector2d rising(root_half, root_half);
     const int i = static_cast<int>(std::floor(cell.centre.x()));
     const int j = static_cast<int>(std::floor(cell.centre.y()));
     const double fx = cell.centre.x() - i;
@@ -266,8 +269,8 @@ Mosaic::Crossing Mosaic::cross(const Cell& cell) const
     touch(fy < 0.5 ? fy : 1 - fy, reach_y, Eigen::Vector2d(0, dy),
           square(i, j + dy)[dy < 0 ? south : north]);
     const Square& own = square(i, j);
-    const double down = (fx - fy) / std::sqrt(2.0);     // positive east and north of x - y = i - j
-    const double up = (fx + fy - 1) / std::sqrt(2.0);   // positive east and south of x + y = i + j + 1
+    const double down = root_half * (fx - fy);     // positive east and north of x - y = i - j
+    const double up = root_half * (fx + fy - 1);   // positive east and south of x + y = i + j + 1
     touch(std::abs(down), reach_along(cell, falling), down > 0 ? Eigen::Vector2d(-falling) : falling,
           up > 0 ? own[down > 0 ? south : east] : own[down > 0 ? west : north]);
     touch(std::abs(up), reach_along(cell, rising), up > 0 ? Eigen::Vector2d(-rising) : rising,
@@ -306,7 +309,7 @@ bool Mosaic::flat(const Cell& cell, double& value) const
         const Disc& disc = discs_[static_cast<std::size_t>(edge.here->disc)];
         const Eigen::Vector2d out = cell.centre - disc.centre;
         // Half the cell's diagonal bounds its reach in any direction.
-        const double reach = std::sqrt(0.5) * cell.side_px * cell.per_px.norm();
+        const double reach = root_half * cell.side_px * cell.per_px.norm();
         const double clear = disc.radius + reach;
         if (out.squaredNorm() < clear * clear) {
             return false;
@@ -366,7 +369,7 @@ double Mosaic::average(const Cell& cell, int depth) const
     const Eigen::Vector2d out = cell.centre - disc.centre;
     const double r = out.norm();
     const double t2 = r * r / (disc.radius * disc.radius);
-    const double reach = std::sqrt(0.5) * cell.side_px * cell.per_px.norm();
+    const double reach = root_half * cell.side_px * cell.per_px.norm();
     if (r > disc.radius + reach) {
         return own;
     }

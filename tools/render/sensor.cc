@@ -45,7 +45,8 @@ void add_clutter(const Camera& camera, int border_px, std::uint64_t key, Plane& 
         const double cy = pick(1) * rows;
         const double a = std::max(3.0, size * pick(2) * pick(2));
         const double b = std::max(3.0, size * pick(3) * pick(3));
-        const double turn = pi * pick(4);
+        const double cos_turn = std::cos(pi * pick(4));
+        const double sin_turn = std::sin(pi * pick(4));
         const double level = pick(5);
         const bool ellipse = pick(6) < 0.5;
         const double reach = std::hypot(a, b) + 2;
@@ -55,8 +56,8 @@ void add_clutter(const Camera& camera, int border_px, std::uint64_t key, Plane& 
         const int high_x = std::min(stride, static_cast<int>(cx + reach));
         for (int y = low_y; y < high_y; y++) {
             for (int x = low_x; x < high_x; x++) {
-                const double u = (x - cx) * std::cos(turn) + (y - cy) * std::sin(turn);
-                const double v = (y - cy) * std::cos(turn) - (x - cx) * std::sin(turn);
+                const double u = (x - cx) * cos_turn + (y - cy) * sin_turn;
+                const double v = (y - cy) * cos_turn - (x - cx) * sin_turn;
                 const double inside = ellipse
                                           ? std::min(a, b) * (1 - std::hypot(u / a, v / b))
                                           : std::min(a - std::abs(u), b - std::abs(v));
