@@ -21,6 +21,9 @@ $(eval $(call library,detect))
 
 # The device's edge: capture, sockets, options, files.
 firmware_SRC := \
+  firmware/capture/capture.c \
+  firmware/capture/v4l2.c \
+  firmware/capture/v4l2_sys_linux.c \
   firmware/net/sender.c \
   firmware/net/sock_sys_linux.c \
   firmware/app/detector_options.c \
