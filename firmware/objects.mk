@@ -14,6 +14,8 @@ detect_SRC := \
   firmware/detect/ellipses.c \
   firmware/detect/marks.c \
   firmware/detect/patches.c \
+  firmware/detect/profile_table.c \
+  firmware/detect/refine.c \
   firmware/detect/packet.c \
   firmware/app/pipeline.c \
 

@@ -40,6 +40,8 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
     ellipses_init(&pipeline->ellipses, arena, width_px, height_px);
     marks_init(&pipeline->marks, arena, width_px, height_px);
     patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
+    refine_init(&pipeline->refine, arena, settings->patches.circle_ratio_q16,
+                pipeline->steer.taps->sigma_px_q16, width_px);
     packet_init(&pipeline->packet, arena, width_px, height_px);
 }
 
@@ -89,6 +91,7 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
     marks_classify(&pipeline->ellipses, pipeline->steer.taps->sigma_px_q16,
                    patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
     patches_decode(&pipeline->marks, &pipeline->patches);
+    refine_marks(&pipeline->refine, frame, &pipeline->patches, &pipeline->marks);
 }
 
 uint16_t pipeline_truncated(const struct pipeline *pipeline)

@@ -8,6 +8,7 @@
 #include "firmware/detect/marks.h"
 #include "firmware/detect/packet.h"
 #include "firmware/detect/patches.h"
+#include "firmware/detect/refine.h"
 #include "firmware/detect/steer.h"
 
 /* What a user may choose. pipeline_defaults gives a good start. */
@@ -28,6 +29,7 @@ struct pipeline {
     struct ellipses  ellipses;
     struct marks     marks;
     struct patches   patches;
+    struct refine    refine;
     struct packet    packet;
 };
 

@@ -36,4 +36,13 @@ void ellipse_axes(const struct ellipse *ellipse, uint32_t *major_px_q16, uint32_
 /* The geometric mean of the semi-axes. */
 uint32_t ellipse_size_px_q16(const struct ellipse *ellipse);
 
+/* A change in the unit frame (B^-1 (x - c), where the ellipse is the unit circle): of the centre by
+ * (t0, t1), and of the radius by t2 + t3 cos 2a + t4 sin 2a in the direction a. */
+#define ELLIPSE_UNKNOWNS 5u
+
+/* Applies such a change: c += B (t0, t1), S = B (I + 2 (t2 + t3, t4; t4, t2 - t3)) B'. False, and nothing
+ * changed, for changes above a quarter or shapes out of range. */
+bool ellipse_step(struct ellipse *ellipse, const struct ellipse_root *root,
+                  const int64_t step_q36[ELLIPSE_UNKNOWNS]);
+
 #endif

@@ -19,32 +19,38 @@ static void from_words(const uint8_t *in, unsigned bits, unsigned width, uint16_
     }
 }
 
-void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t *out_grey_q4)
+void luma_span(const struct frame_view *frame, uint16_t y, uint16_t x, unsigned count,
+               uint16_t *out_grey_q4)
 {
-    assert(y < frame->height_px);
-    const uint8_t *in = frame->pixels + (size_t)y * frame->stride_bytes;
-    const unsigned width = frame->width_px;
+    assert(y < frame->height_px && x + count <= frame->width_px);
+    const uint8_t *row = frame->pixels + (size_t)y * frame->stride_bytes;
     switch (frame->format) {
     case FRAME_GREY8:
     case FRAME_NV12:
-        from_bytes(in, 1, width, out_grey_q4);
+        from_bytes(row + x, 1, count, out_grey_q4);
         break;
     case FRAME_YUYV:
-        from_bytes(in, 2, width, out_grey_q4);
+        from_bytes(row + 2u * x, 2, count, out_grey_q4);
         break;
     case FRAME_UYVY:
-        from_bytes(in + 1, 2, width, out_grey_q4);
+        from_bytes(row + 2u * x + 1, 2, count, out_grey_q4);
         break;
     case FRAME_GREY10:
-        from_words(in, 10, width, out_grey_q4);
+        from_words(row + 2u * x, 10, count, out_grey_q4);
         break;
     case FRAME_GREY12:
-        from_words(in, 12, width, out_grey_q4);
+        from_words(row + 2u * x, 12, count, out_grey_q4);
         break;
     case FRAME_GREY16:
-        from_words(in, 16, width, out_grey_q4);
+        from_words(row + 2u * x, 16, count, out_grey_q4);
         break;
     }
+}
+
+void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t *out_grey_q4)
+{
+    const unsigned width = frame->width_px;
+    luma_span(frame, y, 0, width, out_grey_q4);
     for (unsigned i = 1; i <= pad; i++) {
         *(out_grey_q4 - i) = out_grey_q4[0];
         out_grey_q4[width - 1 + i] = out_grey_q4[width - 1];

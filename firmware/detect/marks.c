@@ -246,6 +246,7 @@ void marks_classify(const struct ellipses *ellipses, uint32_t kernel_sigma_px_q1
             .ellipse = item->ellipse,
             .size_px_q16 = ellipse_size_px_q16(&item->ellipse),
             .sigma_px_q20 = centre_sigma_px_q20(item, common_q12, correlation_q8),
+            .gradient_q3 = item->gradient_mean_q3,
             .white = item->white,
         };
     }

@@ -26,6 +26,7 @@ struct mark {
     uint32_t       size_px_q16;   /* geometric mean of the semi-axes */
     uint32_t       sigma_px_q20;  /* of the centre, per axis         */
     uint32_t       next;          /* in its grid cell                */
+    uint16_t       gradient_q3;   /* mean of the filtered edge's slope */
     bool           white;
     bool           large;
 };

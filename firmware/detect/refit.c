@@ -113,44 +113,6 @@ static bool gather_sums(const int32_t x_px_q16[], const int32_t y_px_q16[], uint
     return true;
 }
 
-/* c += B d_centre, S = B (I + 2 (s0 + s1, s2; s2, s0 - s1)) B'. */
-static bool apply_step(const int64_t step_q36[UNKNOWNS], const struct ellipse_root *b,
-                       struct ellipse *ellipse)
-{
-    for (unsigned i = 0; i < UNKNOWNS; i++) {
-        if (fx_abs_i64(step_q36[i]) > (int64_t)1 << 34) { /* a quarter of the size */
-            return false;
-        }
-    }
-    const int64_t bx = b->xx_px_q16;
-    const int64_t by = b->yx_px_q16;
-    const int64_t bz = b->yy_px_q16;
-    const int64_t dx = fx_round_shift_i64(bx * (step_q36[0] >> 4), 32);
-    const int64_t dy = fx_round_shift_i64(by * (step_q36[0] >> 4) + bz * (step_q36[1] >> 4), 32);
-
-    const int64_t one_q24 = (int64_t)1 << 24;
-    const int64_t uxx = one_q24 + fx_round_shift_i64(step_q36[2] + step_q36[3], 11);
-    const int64_t uxy = fx_round_shift_i64(step_q36[4], 11);
-    const int64_t uyy = one_q24 + fx_round_shift_i64(step_q36[2] - step_q36[3], 11);
-    const int64_t r0x = fx_round_shift_i64(bx * uxx, 20); /* Q20 px, below 2^30 */
-    const int64_t r0y = fx_round_shift_i64(bx * uxy, 20);
-    const int64_t r1x = fx_round_shift_i64(by * uxx + bz * uxy, 20);
-    const int64_t r1y = fx_round_shift_i64(by * uxy + bz * uyy, 20);
-    const int64_t sxx = fx_round_shift_i64(r0x * bx, 24);
-    const int64_t sxy = fx_round_shift_i64(r0x * by + r0y * bz, 24);
-    const int64_t syy = fx_round_shift_i64(r1x * by + r1y * bz, 24);
-    if (sxx < ELLIPSE_SHAPE_MIN_PX2_Q12 || syy < ELLIPSE_SHAPE_MIN_PX2_Q12 ||
-        sxx > ELLIPSE_SHAPE_MAX_PX2_Q12 || syy > ELLIPSE_SHAPE_MAX_PX2_Q12) {
-        return false;
-    }
-    ellipse->x_px_q16 = fx_saturate_i32(ellipse->x_px_q16 + dx);
-    ellipse->y_px_q16 = fx_saturate_i32(ellipse->y_px_q16 + dy);
-    ellipse->shape_xx_px2_q12 = (int32_t)sxx;
-    ellipse->shape_xy_px2_q12 = fx_saturate_i32(sxy);
-    ellipse->shape_yy_px2_q12 = (int32_t)syy;
-    return true;
-}
-
 /* sqrt(trace(B N^-1 B') / (2 n)) / major, for N = J' W J / n of weights relative to 1 / major^2. */
 static bool find_gain(const struct smallsolve *normal, const struct ellipse_root *b, uint32_t count,
                       uint32_t major_px_q16, uint32_t *gain_q16)
@@ -208,7 +170,7 @@ bool refit_ellipse(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t 
     }
     if (!smallsolve_factor(&normal, PIVOT_FLOOR_Q30) || !smallsolve_solve(&normal, step_q36) ||
         !find_gain(&normal, &root, count, major_px_q16, &quality->gain_q16) ||
-        !apply_step(step_q36, &root, ellipse)) {
+        !ellipse_step(ellipse, &root, step_q36)) {
         return false;
     }
     /* What the step explains of the squares is d' J' W f. */

@@ -1,0 +1,388 @@
+/* See refine.h. Unit-frame coordinates are Q24; Jacobian entries Q20; brightness is in units of 4096
+ * grey_q4, Q30, the second pass 64 times finer. */
+#include "firmware/detect/refine.h"
+
+#include "common/fx/fx.h"
+#include "common/fx/root.h"
+#include "common/fx/smallsolve.h"
+#include "firmware/detect/profile.h"
+
+#define UNKNOWNS          8u
+#define AT_LEVEL          5u /* b */
+#define AT_CONTRAST       6u /* c */
+#define AT_BLUR           7u
+#define BAND_SIGMAS_Q8    512   /* 2 */
+#define CLEAR_SIGMAS_Q8   563   /* 2.2: an edge farther off adds less than 1.4 % */
+#define BAND_MIN_PX_Q16   45875 /* 0.7 */
+#define BLUR_MIN_PX_Q16   26214 /* 0.4 */
+#define BLUR_MAX_PX_Q16   262144 /* 4 */
+#define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
+#define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
+#define FINE_BITS         6
+#define REST_LIMIT_Q30    ((int64_t)2 << 30)
+
+/* One feature under refinement. */
+struct view {
+    struct ellipse      ellipse;
+    struct ellipse_root root;
+    int64_t             over_xx_q40;   /* 2^40 / B_xx: steps of p along a row, Q24 */
+    int64_t             over_yy_q40;
+    int64_t             slope_q24;     /* B_yx / B_xx */
+    uint32_t            size_px_q16;   /* R: geometric mean of the semi-axes */
+    int64_t             inverse_q24[3]; /* (R / h)^2 = i0 + i1 (pp - qq) + i2 2 p q, on the circle */
+    int32_t             blur_px_q16;
+    int64_t             gap_q16;       /* from the circle to the triangle, in circle radii */
+    int64_t             level_q30;     /* b and c so far; 0 in the first pass */
+    int64_t             contrast_q30;
+    bool                fine;
+};
+
+struct normal {
+    int64_t  matrix_q40[UNKNOWNS][UNKNOWNS];
+    int64_t  right_q48[UNKNOWNS];
+    int64_t  squares_q44; /* second pass only */
+    uint32_t count;
+};
+
+void refine_init(struct refine *refine, struct arena *arena, uint32_t circle_ratio_q16,
+                 uint32_t kernel_sigma_px_q16, unsigned width)
+{
+    refine->luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
+    refine->circle_ratio_q16 = circle_ratio_q16;
+    refine->kernel_sigma_px_q16 = kernel_sigma_px_q16;
+}
+
+/* Fills what follows from the ellipse. |grad rho|^2 = p' (B'B)^-1 p on the unit circle: with B^-1 =
+ * (1/x, 0; -y/(x z), 1/z) its matrix is B^-1 B'^-1 = (k0, k1; k1, k2), and p' K p = (k0 + k2)/2 +
+ * (k0 - k2)/2 (pp - qq) + k1 2 p q. */
+static bool prepare_view(struct view *view)
+{
+    if (!ellipse_take_root(&view->ellipse, &view->root)) {
+        return false;
+    }
+    const struct ellipse_root *b = &view->root;
+    view->size_px_q16 = ellipse_size_px_q16(&view->ellipse);
+    if (fx_abs_i64(b->yx_px_q16) > 16 * (int64_t)b->xx_px_q16 || view->size_px_q16 < 65536) {
+        return false;
+    }
+    view->over_xx_q40 = ((int64_t)1 << 40) / b->xx_px_q16;
+    view->over_yy_q40 = ((int64_t)1 << 40) / b->yy_px_q16;
+    view->slope_q24 = b->yx_px_q16 * ((int64_t)1 << 24) / b->xx_px_q16;
+    /* Entries of R B^-1, Q24; at most 5 for the ellipses that pass the fits. */
+    const int64_t size = view->size_px_q16;
+    const int64_t ix = (size << 24) / b->xx_px_q16;
+    const int64_t iz = (size << 24) / b->yy_px_q16;
+    const int64_t iy = -fx_round_shift_i64(view->slope_q24 * iz, 24);
+    if (ix > (int64_t)8 << 24 || iz > (int64_t)8 << 24 || fx_abs_i64(iy) > (int64_t)8 << 24) {
+        return false;
+    }
+    const int64_t k0 = fx_round_shift_i64(ix * ix, 24);
+    const int64_t k1 = fx_round_shift_i64(ix * iy, 24);
+    const int64_t k2 = fx_round_shift_i64(iy * iy + iz * iz, 24);
+    view->inverse_q24[0] = (k0 + k2) / 2;
+    view->inverse_q24[1] = (k0 - k2) / 2;
+    view->inverse_q24[2] = k1;
+    return true;
+}
+
+/* Adds one pixel of brightness `grey_q4` at unit-frame place (p, q). */
+static void add_pixel(const struct view *view, int64_t p_q24, int64_t q_q24, uint16_t grey_q4,
+                      struct normal *sum)
+{
+    const int64_t pp = fx_round_shift_i64(p_q24 * p_q24, 24);
+    const int64_t qq = fx_round_shift_i64(q_q24 * q_q24, 24);
+    const int64_t square = pp + qq;
+    if (square < (int64_t)1 << 18 || square > (int64_t)9 << 24) {
+        return;
+    }
+    const int64_t rho_q24 = profile_root_q24((uint32_t)square);
+    /* Directions: cos and sin of the single and double angle. */
+    const int64_t over_q16 = profile_inverse_q16((uint32_t)square);
+    const int64_t cos_q20 = fx_round_shift_i64(p_q24 * over_q16, 20);
+    const int64_t sin_q20 = fx_round_shift_i64(q_q24 * over_q16, 20);
+    const int64_t cos2_q20 = fx_round_shift_i64(cos_q20 * cos_q20 - sin_q20 * sin_q20, 20);
+    const int64_t sin2_q20 = fx_round_shift_i64(2 * cos_q20 * sin_q20, 20);
+    const int64_t inverse_q24 =
+        view->inverse_q24[0] +
+        fx_round_shift_i64(view->inverse_q24[1] * cos2_q20 + view->inverse_q24[2] * sin2_q20, 20);
+    if (inverse_q24 < (int64_t)1 << 14 || inverse_q24 > UINT32_MAX) {
+        return;
+    }
+    const int64_t h_q16 = profile_inverse_q16((uint32_t)inverse_q24); /* h / R */
+    /* Distance inside the edge. */
+    const int64_t h_px_q16 = fx_round_shift_i64(h_q16 * view->size_px_q16, 16);
+    const int64_t d_px_q16 = fx_round_shift_i64((((int64_t)1 << 24) - rho_q24) * h_px_q16, 24);
+    const int64_t band_px_q16 = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8) >> 8;
+    int64_t outside_px_q16 = fx_round_shift_i64(h_px_q16 * view->gap_q16, 16) -
+                             (((int64_t)view->blur_px_q16 * CLEAR_SIGMAS_Q8) >> 8);
+    outside_px_q16 = outside_px_q16 < BAND_MIN_PX_Q16 ? BAND_MIN_PX_Q16 : outside_px_q16;
+    if (d_px_q16 > band_px_q16 || -d_px_q16 > band_px_q16 || -d_px_q16 > outside_px_q16) {
+        return;
+    }
+    const int64_t t_q16 = d_px_q16 * 65536 / view->blur_px_q16;
+    int32_t bell_q15;
+    const int64_t edge_q15 = profile_edge((int32_t)t_q16, &bell_q15);
+    const int64_t push_q20 = fx_round_shift_i64(bell_q15 * h_q16, 11);
+    const int64_t j_q20[UNKNOWNS] = {
+        fx_round_shift_i64(push_q20 * cos_q20, 20),
+        fx_round_shift_i64(push_q20 * sin_q20, 20),
+        push_q20,
+        fx_round_shift_i64(push_q20 * cos2_q20, 20),
+        fx_round_shift_i64(push_q20 * sin2_q20, 20),
+        (int64_t)1 << 20,
+        edge_q15 << 5,
+        -fx_round_shift_i64(t_q16 * bell_q15, 11),
+    };
+    int64_t rest_q30 = ((int64_t)grey_q4 << 18) - view->level_q30 -
+                       fx_round_shift_i64(view->contrast_q30 * edge_q15, 15);
+    if (view->fine) {
+        /* What is left is a few grey levels; beyond 1/32 of the range it is cut. */
+        rest_q30 *= 1 << FINE_BITS;
+        rest_q30 = rest_q30 > REST_LIMIT_Q30 ? REST_LIMIT_Q30 : rest_q30;
+        rest_q30 = rest_q30 < -REST_LIMIT_Q30 ? -REST_LIMIT_Q30 : rest_q30;
+        sum->squares_q44 += (rest_q30 >> 8) * (rest_q30 >> 8);
+    }
+    for (unsigned row = 0; row < UNKNOWNS; row++) {
+        for (unsigned col = 0; col <= row; col++) {
+            sum->matrix_q40[row][col] += j_q20[row] * j_q20[col];
+        }
+        sum->right_q48[row] += j_q20[row] * (rest_q30 >> 2);
+    }
+    sum->count++;
+}
+
+/* All pixels of the band, row by row. */
+static void gather_pixels(const struct refine *refine, const struct frame_view *frame,
+                          const struct view *view, struct normal *sum)
+{
+    /* The box of the ellipse: half sides root(S_xx), root(S_yy), and the band around it. */
+    const int64_t band = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8 >> 8) + 65536;
+    const int64_t half_y =
+        (int64_t)root_u64((uint64_t)view->ellipse.shape_yy_px2_q12 << 20) + band;
+    const int64_t half_x =
+        (int64_t)root_u64((uint64_t)view->ellipse.shape_xx_px2_q12 << 20) + band;
+    int64_t top = (view->ellipse.y_px_q16 - half_y) >> 16;
+    int64_t bottom = (view->ellipse.y_px_q16 + half_y) >> 16;
+    int64_t left = (view->ellipse.x_px_q16 - half_x) >> 16;
+    int64_t right = (view->ellipse.x_px_q16 + half_x) >> 16;
+    top = top < 0 ? 0 : top;
+    left = left < 0 ? 0 : left;
+    bottom = bottom >= frame->height_px ? frame->height_px - 1 : bottom;
+    right = right >= frame->width_px ? frame->width_px - 1 : right;
+    for (int64_t y = top; y <= bottom && left <= right; y++) {
+        luma_span(frame, (uint16_t)y, (uint16_t)left, (unsigned)(right - left + 1),
+                  refine->luma_grey_q4);
+        const int64_t dy_q16 = (y << 16) - view->ellipse.y_px_q16;
+        for (int64_t x = left; x <= right; x++) {
+            const int64_t dx_q16 = (x << 16) - view->ellipse.x_px_q16;
+            const int64_t p_q24 = fx_round_shift_i64(dx_q16 * view->over_xx_q40, 16);
+            const int64_t rest_q16 = dy_q16 - fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
+            const int64_t q_q24 = fx_round_shift_i64(rest_q16 * view->over_yy_q40, 16);
+            if (fx_abs_i64(p_q24) < (int64_t)4 << 24 && fx_abs_i64(q_q24) < (int64_t)4 << 24) {
+                add_pixel(view, p_q24, q_q24, refine->luma_grey_q4[x - left], sum);
+            }
+        }
+    }
+}
+
+/* One least-squares solution; factored stays for the covariance. */
+static bool solve_pixels(const struct normal *sum, struct smallsolve *factored,
+                         int64_t solution_q30[UNKNOWNS])
+{
+    if (sum->count < 3 * UNKNOWNS) {
+        return false;
+    }
+    factored->size = UNKNOWNS;
+    for (unsigned row = 0; row < UNKNOWNS; row++) {
+        for (unsigned col = 0; col <= row; col++) {
+            factored->at_q30[row][col] =
+                fx_round_shift_i64(sum->matrix_q40[row][col] / sum->count, 10);
+        }
+        /* Q20 times Q28. */
+        solution_q30[row] = fx_round_shift_i64(sum->right_q48[row] / sum->count, 18);
+        if (fx_abs_i64(solution_q30[row]) > (int64_t)4 << 30) {
+            return false;
+        }
+    }
+    return smallsolve_factor(factored, PIVOT_FLOOR_Q30) && smallsolve_solve(factored, solution_q30);
+}
+
+/* Applies a solution whose geometric part is c theta R / s, given c on the same scale. */
+static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWNS],
+                           int64_t contrast_q30)
+{
+    /* theta = part / c * s / R. */
+    const int64_t share_q24 = ((int64_t)view->blur_px_q16 << 24) / view->size_px_q16;
+    int64_t step_q36[ELLIPSE_UNKNOWNS];
+    for (unsigned i = 0; i < ELLIPSE_UNKNOWNS; i++) {
+        const int64_t part = solution_q30[i];
+        if (fx_abs_i64(part) > fx_abs_i64(contrast_q30)) {
+            return false; /* a move by more than the blur */
+        }
+        const int64_t over_q30 = part * ((int64_t)1 << 30) / contrast_q30;
+        step_q36[i] = fx_round_shift_i64(over_q30 * share_q24, 18);
+    }
+    const int64_t blur_q30 = solution_q30[AT_BLUR];
+    if (2 * fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
+        return false;
+    }
+    const int64_t blur_change_q30 = blur_q30 * ((int64_t)1 << 30) / contrast_q30;
+    view->blur_px_q16 += (int32_t)fx_round_shift_i64(view->blur_px_q16 * blur_change_q30, 30);
+    return view->blur_px_q16 >= BLUR_MIN_PX_Q16 && view->blur_px_q16 <= BLUR_MAX_PX_Q16 &&
+           ellipse_step(&view->ellipse, &view->root, step_q36) && prepare_view(view);
+}
+
+/* sigma^2 = m^2 / c^2 s^2 / R^2 trace(B N^-1 B') / (2 n), m^2 the pixels' variance. noise_q52 is m^2
+ * on the fine scale. */
+static bool find_sigma(const struct view *view, const struct normal *sum,
+                       const struct smallsolve *factored, int64_t noise_q52, uint32_t *sigma_px_q20)
+{
+    int64_t for_x_q30[UNKNOWNS] = {(int64_t)1 << 30};
+    int64_t for_y_q30[UNKNOWNS] = {0, (int64_t)1 << 30};
+    if (!smallsolve_solve(factored, for_x_q30) || !smallsolve_solve(factored, for_y_q30)) {
+        return false;
+    }
+    const int64_t bx = ((int64_t)view->root.xx_px_q16 << 16) / view->size_px_q16;
+    const int64_t by = (int64_t)view->root.yx_px_q16 * 65536 / view->size_px_q16;
+    const int64_t bz = ((int64_t)view->root.yy_px_q16 << 16) / view->size_px_q16;
+    const int64_t trace_q16 = fx_round_shift_i64(
+        ((bx * bx + by * by) >> 16) * (for_x_q30[0] >> 14) +
+            2 * ((by * bz) >> 16) * (for_x_q30[1] >> 14) + ((bz * bz) >> 16) * (for_y_q30[1] >> 14),
+        16);
+    if (trace_q16 <= 0 || trace_q16 > INT32_MAX) {
+        return false;
+    }
+    /* m / c in Q30: the root is 64 m in Q26. m is below 1/32, so it is below 2^28. */
+    const uint64_t contrast_q30 = (uint64_t)fx_abs_i64(view->contrast_q30);
+    const uint64_t ratio_q30 = ((uint64_t)root_u64((uint64_t)noise_q52) << 28) / contrast_q30;
+    const uint64_t spread_q24 = root_u64(((uint64_t)trace_q16 << 32) / (2u * sum->count));
+    const uint64_t sigma_q20 =
+        (((ratio_q30 * spread_q24) >> 20) * (uint64_t)view->blur_px_q16) >> 30;
+    *sigma_px_q20 = (uint32_t)(sigma_q20 > UINT32_MAX ? UINT32_MAX : sigma_q20);
+    return true;
+}
+
+/* What the solution leaves of the squares, per degree of freedom, on the fine scale; Q52. */
+static int64_t left_over_q52(const struct normal *sum, const int64_t solution_q30[UNKNOWNS])
+{
+    int64_t left_q52 = sum->squares_q44 / sum->count * 256;
+    for (unsigned i = 0; i < UNKNOWNS; i++) {
+        const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[i] / sum->count, 18);
+        left_q52 -= (solution_q30[i] >> 4) * (right_q30 >> 4);
+    }
+    return left_q52 > 0 ? left_q52 / (sum->count - UNKNOWNS) * sum->count : 0;
+}
+
+/* The brightness at unit-frame place (p, q), nearest pixel; false outside the frame. */
+static bool sample(const struct frame_view *frame, const struct view *view, int32_t p_q16,
+                   int32_t q_q16, uint16_t *grey_q4)
+{
+    const int64_t x_q16 = view->ellipse.x_px_q16 +
+                          fx_round_shift_i64((int64_t)view->root.xx_px_q16 * p_q16, 16);
+    const int64_t y_q16 = view->ellipse.y_px_q16 +
+                          fx_round_shift_i64((int64_t)view->root.yx_px_q16 * p_q16 +
+                                                 (int64_t)view->root.yy_px_q16 * q_q16, 16);
+    const int64_t x = (x_q16 + 32768) >> 16;
+    const int64_t y = (y_q16 + 32768) >> 16;
+    if (x < 0 || y < 0 || x >= frame->width_px || y >= frame->height_px) {
+        return false;
+    }
+    luma_span(frame, (uint16_t)y, (uint16_t)x, 1, grey_q4);
+    return true;
+}
+
+/* A first blur: a step of contrast c has, filtered, the slope c / (sqrt(2 pi) s_total), with s_total^2 =
+ * s^2 + kernel^2. The contrast is four fifths of the centre's over the triangle's half way out. */
+static bool estimate_blur(const struct refine *refine, const struct frame_view *frame,
+                          const struct mark *mark, struct view *view)
+{
+    static const int8_t directions[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+    const int32_t out_q16 = (int32_t)(65536 + view->gap_q16 / 2);
+    uint16_t centre_q4;
+    if (mark->gradient_q3 == 0 || out_q16 > 4 << 16 || !sample(frame, view, 0, 0, &centre_q4)) {
+        return false;
+    }
+    int64_t outside = 0;
+    int64_t count = 0;
+    for (unsigned i = 0; i < 4; i++) {
+        uint16_t grey_q4;
+        if (sample(frame, view, directions[i][0] * out_q16, directions[i][1] * out_q16,
+                   &grey_q4)) {
+            outside += grey_q4;
+            count++;
+        }
+    }
+    if (count == 0) {
+        return false;
+    }
+    const int64_t contrast_q4 = fx_abs_i64(centre_q4 - outside / count) * 13 / 16;
+    const int64_t total_q16 = contrast_q4 * FX_Q(8.0 * 0.3989423, 16) / mark->gradient_q3;
+    const int64_t kernel_q16 = refine->kernel_sigma_px_q16;
+    const int64_t square_q32 = total_q16 * total_q16 - kernel_q16 * kernel_q16;
+    int64_t blur_q16 = square_q32 > 0 ? root_u64((uint64_t)square_q32) : 0;
+    blur_q16 = blur_q16 < 45875 ? 45875 : blur_q16;
+    view->blur_px_q16 = (int32_t)(blur_q16 > 163840 ? 163840 : blur_q16);
+    return true;
+}
+
+/* Two passes over the pixels. False leaves the mark as it was. */
+static bool refine_mark(const struct refine *refine, const struct frame_view *frame,
+                        struct mark *mark)
+{
+    struct view view = {.ellipse = mark->ellipse};
+    view.gap_q16 = ((int64_t)1 << 32) / refine->circle_ratio_q16 - 65536;
+    if (!prepare_view(&view) || !estimate_blur(refine, frame, mark, &view)) {
+        return false;
+    }
+    uint32_t sigma_px_q20 = 0;
+    for (unsigned pass = 0; pass < 2; pass++) {
+        struct normal sum = {.count = 0};
+        struct smallsolve factored = {.size = UNKNOWNS};
+        int64_t solution_q30[UNKNOWNS];
+        gather_pixels(refine, frame, &view, &sum);
+        if (!solve_pixels(&sum, &factored, solution_q30)) {
+            return false;
+        }
+        int64_t scale_q30 = view.contrast_q30 * (1 << FINE_BITS);
+        if (!view.fine) {
+            view.level_q30 = solution_q30[AT_LEVEL];
+            view.contrast_q30 = solution_q30[AT_CONTRAST];
+            scale_q30 = view.contrast_q30;
+            view.fine = true;
+            /* Bright inside is positive contrast; anything else is another edge. */
+            if (fx_abs_i64(scale_q30) < CONTRAST_MIN_Q30 || (scale_q30 > 0) != mark->white) {
+                return false;
+            }
+        } else if (!find_sigma(&view, &sum, &factored, left_over_q52(&sum, solution_q30),
+                               &sigma_px_q20)) {
+            return false;
+        }
+        if (!apply_solution(&view, solution_q30, scale_q30)) {
+            return false;
+        }
+    }
+    mark->ellipse = view.ellipse;
+    mark->size_px_q16 = view.size_px_q16;
+    mark->sigma_px_q20 = sigma_px_q20;
+    return true;
+}
+
+void refine_marks(struct refine *refine, const struct frame_view *frame,
+                  const struct patches *patches, struct marks *marks)
+{
+    refine->refined = 0;
+    refine->kept = 0;
+    for (uint32_t i = 0; i < patches->count; i++) {
+        for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {
+            const uint32_t index = patches->at[i].marks[feature];
+            if (index == MARKS_NONE) {
+                continue;
+            }
+            if (refine_mark(refine, frame, &marks->at[index])) {
+                refine->refined++;
+            } else {
+                refine->kept++;
+            }
+        }
+    }
+}

@@ -1,0 +1,42 @@
+/* The last word on a feature's place: the ellipse and the brightness profile across its edge, fitted to
+ * the pixels themselves.
+ *
+ * Filters smooth noise into their neighbours and mix edges that lie close; a fit of the known appearance
+ * does neither. In the unit frame of the ellipse found so far (refit.h) a pixel lies at distance
+ * d = (1 - rho) h inside the edge, h = rho / |grad f|, and should have the brightness
+ *
+ *   I = b + c P(d / s),   P the normal integral,
+ *
+ * for outside level b, contrast c and blur s (optics and the pixel's own width together). Where the edge moves
+ * outwards by J theta in the unit frame, I grows by c P'(d / s) h / s J theta. So I is linear in
+ *
+ *   (c theta_0..4 / s, b, c, c ds / s),
+ *
+ * and one weighted least-squares solution from raw pixels gives all of it; a second one on what is left
+ * over removes the first one's linearisation and measures the noise. Pixels err independently, so the
+ * solution's covariance is the centre's, and the Cramer-Rao limit is reached where the model holds.
+ *
+ * Only pixels near the edge speak: within 2 s, and far enough from the triangle's own edges. */
+#ifndef TESSERA_FIRMWARE_DETECT_REFINE_H
+#define TESSERA_FIRMWARE_DETECT_REFINE_H
+
+#include "firmware/detect/marks.h"
+#include "firmware/detect/patches.h"
+#include "firmware/detect/steer.h"
+
+struct refine {
+    uint16_t *luma_grey_q4;      /* a row's span */
+    uint32_t  circle_ratio_q16;
+    uint32_t  kernel_sigma_px_q16;
+    uint32_t  refined;           /* counters of the frame */
+    uint32_t  kept;              /* features whose fit was refused: the first ellipse stays */
+};
+
+void refine_init(struct refine *refine, struct arena *arena, uint32_t circle_ratio_q16,
+                 uint32_t kernel_sigma_px_q16, unsigned width);
+
+/* Improves the marks that the patches name: ellipse, size and sigma. */
+void refine_marks(struct refine *refine, const struct frame_view *frame,
+                  const struct patches *patches, struct marks *marks);
+
+#endif
