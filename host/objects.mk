@@ -1,6 +1,8 @@
 host_FLAGS := $(call system_cflags,eigen3) -isystem /usr/include/opencv4
 host_LDLIBS := -lceres -lglog -lopencv_calib3d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core -lfmt -lspdlog -lpthread
 host_SRC := \
+  host/net/packets.cc \
+  host/net/listener.cc \
   host/journal/journal_reader.cc \
   host/journal/journal_writer.cc \
 
@@ -13,6 +15,7 @@ tessera-rig_LDLIBS := -lcjson $(host_LDLIBS)
 tessera-rig_SRC := \
   host/rig/main.cc \
   host/rig/cmd_receive.cc \
+  host/rig/receiver.cc \
   host/rig/cmd_journal.cc \
 
 $(eval $(call program,tessera-rig))

@@ -1,5 +1,5 @@
-// How functions of the host tell success from failure: a failure is one plain sentence for the user,
-// which names the file, line or field at fault and what to do. Exceptions do not cross a stage.
+// How functions of the host tell success from failure: a failure is one plain sentence for the
+// user, which names the file, line or field at fault and what to do. Exceptions do not cross a stage.
 #ifndef TESSERA_HOST_BASE_STATUS_H
 #define TESSERA_HOST_BASE_STATUS_H
 

@@ -77,8 +77,8 @@ Result<JournalWriter> JournalWriter::begin(const std::string& path, bool append)
   const int flags = O_RDWR | O_CREAT | O_CLOEXEC | (append ? 0 : O_EXCL);
   writer.fd_ = UniqueFd(::open(path.c_str(), flags, 0666));
   if (!writer.fd_.ok() && errno == EEXIST) {
-    return Status::failure(path + ": the file exists already; name another one, or go on writing it "
-                                  "with --append");
+    return Status::failure(path + ": the file exists already; name another one, or go on writing "
+                                  "it with --append");
   }
   if (!writer.fd_.ok()) return failure(path, errno);
   struct stat info = {};

@@ -11,7 +11,8 @@ namespace rig {
 void add_receive(CLI::App& app);
 void add_journal(CLI::App& app);
 
-// Ends a subcommand's callback: a failure's sentence goes to standard error, the exit status becomes 1.
+// Ends a subcommand's callback: a failure's sentence goes to standard error, and the exit status
+// becomes 1.
 void finish(const Status& status);
 
 }  // namespace rig
