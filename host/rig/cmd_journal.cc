@@ -50,9 +50,10 @@ struct CameraTotals {
 
 // Reads the whole journal, gives each good packet to `use`, and says at the end what was not good.
 template <typename Use>
-Status read_all(const std::string& path, const Use& use) {
+Status read_all(const std::string& path, const char* heading, const Use& use) {
   Result<JournalReader> reader = JournalReader::open(path);
   if (!reader.ok()) return reader.status();
+  fmt::print("{}", heading);
   uint64_t refused = 0;
   std::string first_refusal;
   JournalRecord record;
@@ -89,13 +90,13 @@ Status read_all(const std::string& path, const Use& use) {
 Status check(const std::string& path) {
   std::map<std::string, CameraTotals> cameras;
   uint64_t packets = 0;
-  const Status status = read_all(path, [&](const JournalRecord&, const wire_packet_view& packet) {
+  const Status status = read_all(path, "", [&](const JournalRecord&, const wire_packet_view& packet) {
     CameraTotals& totals = cameras[packet.header.camera_serial];
     totals.packets++;
     totals.features += packet.header.feature_count;
     packets++;
   });
-  fmt::print("{}: {} good packets\n", path, packets);
+  if (packets > 0 || status.ok()) fmt::print("{}: {} good packets\n", path, packets);
   for (const auto& [serial, totals] : cameras) {
     fmt::print("{}: {} packets, {} features\n", serial, totals.packets, totals.features);
   }
@@ -103,14 +104,14 @@ Status check(const std::string& path) {
 }
 
 Status list(const std::string& path) {
-  fmt::print("offset,received_ns,connection,peer,camera,boot,packet,sequence,t_ns,clock,width,"
-             "height,patches,features,truncated\n");
-  return read_all(path, print_list_row);
+  return read_all(path,
+                  "offset,received_ns,connection,peer,camera,boot,packet,sequence,t_ns,clock,width,"
+                  "height,patches,features,truncated\n",
+                  print_list_row);
 }
 
 Status csv(const std::string& path) {
-  fmt::print("camera,sequence,t_ns,patch,feature,x,y,sigma,size\n");
-  return read_all(path, print_feature_rows);
+  return read_all(path, "camera,sequence,t_ns,patch,feature,x,y,sigma,size\n", print_feature_rows);
 }
 
 void add(CLI::App& journal, const char* name, const char* help, Status (*run)(const std::string&)) {
