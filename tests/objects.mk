@@ -4,7 +4,12 @@ unity_SRC := build/deps/unity/unity.c
 unity_FLAGS := -w
 $(eval $(call library,unity))
 
-unit_LIBS := firmware detect targetfile common
+# What the unit tests share: pictures and contours with known truth.
+synth_SRC := tests/unit/synth.c tests/unit/synth_patch.c
+synth_FLAGS := -isystem build/deps/unity
+$(eval $(call library,synth))
+
+unit_LIBS := synth firmware detect targetfile common
 
 unit_SRC      := $(sort $(wildcard tests/unit/test_*.c))
 unit_host_SRC := $(sort $(wildcard tests/unit_host/test_*.cc))
