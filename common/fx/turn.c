@@ -2,7 +2,7 @@
  * atan(t) / (2 pi) ~ t (a1 + a3 t^2 + a5 t^4 + a7 t^6 + a9 t^8), Abramowitz and Stegun 4.4.49
  * divided by a full turn; its error there, 1e-5 radian, is 0.1/65536 turn.
  *
- * Sine: fold into [-1/8, 1/8] turn, where the Taylor polynomials to the 7th and 6th power of the
+ * Sine: fold into [-1/8, 1/8] turn, where the Taylor polynomials to the 7th and 8th power of the
  * angle in radians err by less than 4e-7. */
 #include "common/fx/turn.h"
 
@@ -62,7 +62,8 @@ void turn_cos_sin_q30(uint16_t angle_turn_q16, int32_t *cos_q30, int32_t *sin_q3
     s_q30 = fx_mul_q30(s_q30, a2_q30) + FX_Q(1.0, 30);
     s_q30 = fx_mul_q30(s_q30, a_q30);
 
-    int64_t c_q30 = FX_Q(-1.0 / 720, 30);
+    int64_t c_q30 = FX_Q(1.0 / 40320, 30);
+    c_q30 = fx_mul_q30(c_q30, a2_q30) + FX_Q(-1.0 / 720, 30);
     c_q30 = fx_mul_q30(c_q30, a2_q30) + FX_Q(1.0 / 24, 30);
     c_q30 = fx_mul_q30(c_q30, a2_q30) + FX_Q(-1.0 / 2, 30);
     c_q30 = fx_mul_q30(c_q30, a2_q30) + FX_Q(1.0, 30);
