@@ -1,8 +1,6 @@
 /* Luma rows, one loop a kind of container. */
 #include "firmware/detect/luma.h"
 
-#define LUMA_MAX_GREY_Q4 4095u
-
 static void from_bytes(const uint8_t *in, unsigned step, unsigned width, uint16_t *out)
 {
     for (unsigned x = 0; x < width; x++) {
@@ -12,10 +10,11 @@ static void from_bytes(const uint8_t *in, unsigned step, unsigned width, uint16_
 
 static void from_words(const uint8_t *in, unsigned bits, unsigned width, uint16_t *out)
 {
+    const unsigned largest = (1u << bits) - 1;
     for (unsigned x = 0; x < width; x++) {
         const unsigned word = in[2 * x] | (unsigned)in[2 * x + 1] << 8;
-        const unsigned grey_q4 = bits > 12 ? word >> (bits - 12) : word << (12 - bits);
-        out[x] = (uint16_t)(grey_q4 > LUMA_MAX_GREY_Q4 ? LUMA_MAX_GREY_Q4 : grey_q4);
+        const unsigned sample = word > largest ? largest : word;
+        out[x] = (uint16_t)(bits > 12 ? sample >> (bits - 12) : sample << (12 - bits));
     }
 }
 
