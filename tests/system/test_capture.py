@@ -13,7 +13,7 @@ TOP = HERE.parent.parent
 BIN = pathlib.Path(os.environ.get("TESSERA_BIN", TOP / "build" / "bin")).resolve()
 WIDTH, HEIGHT, COUNT = 40, 24, 5
 KINDS = ["GREY", "Y10", "Y12", "Y16", "YUYV", "UYVY", "NV12"]  # in the order of enum frame_format
-FRAME, NONE, ENDED = range(3)
+FRAME, NONE, ENDED, UNPLUGGED = range(4)
 
 
 @pytest.fixture(scope="session")
@@ -117,3 +117,13 @@ def test_a_size_that_is_not_offered_is_answered_with_what_is(tmp_path, dump):
     result = run(dump, tmp_path / "in", "1", "GREY", "640", "480")
     assert result.returncode == 1
     assert f"nearest is {WIDTH}x{HEIGHT}, all are: {WIDTH}x{HEIGHT}" in result.stderr
+
+
+def test_faulty_frames_are_skipped_and_an_unplugged_camera_is_told(tmp_path, dump):
+    make_raw(tmp_path / "in", "GREY")
+    (tmp_path / "faults.txt").write_text(
+        "frame,fault\n1,error\n2,short\n3,lost\n9,unplug\n")
+    options = ["--faults", str(tmp_path / "faults.txt")]
+    _, frames, end = lines_of(run(dump, tmp_path / "in", "100", options=options))
+    assert [int(frame[0]) for frame in frames] == [0, 4, 5, 6, 7, 8]
+    assert end == f"end {UNPLUGGED} frames 6 dropped 1 broken 2".split()

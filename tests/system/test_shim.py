@@ -406,3 +406,43 @@ def test_a_raw_file_of_the_wrong_size_is_named(tmp_path):
     (tmp_path / "a.raw").write_bytes(bytes(33))
     (tmp_path / "format.json").write_text('{"fourcc": "YUYV", "width": 4, "height": 4}')
     refusal(replay(tmp_path, "echo", "started"), "a.raw", "33", "32")
+
+
+# ---- scripted faults ----
+
+def faulty(folder, text):
+    path = folder / "faults.txt"
+    path.write_text(text)
+    return ["--faults", str(path)]
+
+
+@pytest.mark.parametrize("pace", [[], ["--fps", "200"]])
+def test_a_script_breaks_shortens_and_loses_frames(tmp_path, pace):
+    frames = make_folder(tmp_path, "GREY", count=6)
+    script = faulty(tmp_path, "frame,fault\n1,error\n2,short\n4,lost\n")
+    _, got = client(tmp_path, "--frames", "5", "--buffers", "8", options=script + pace)
+    assert [line["sequence"] for line in got] == [0, 1, 2, 3, 5]
+    error_flag = 0x40
+    assert [bool(line["flags"] & error_flag) for line in got] == [False, True, False, False, False]
+    half = digest(frames[2][:len(frames[2]) // 2])
+    assert [line["digest"] for line in got] == [
+        digest(frames[0]), digest(frames[1]), half, digest(frames[3]), digest(frames[5])]
+
+
+@pytest.mark.parametrize("pace", [[], ["--fps", "200"]])
+def test_a_script_unplugs_the_device_after_the_frames_before(tmp_path, pace):
+    make_folder(tmp_path, "GREY", count=6)
+    options = faulty(tmp_path, "frame,fault\n3,unplug\n") + pace
+    run = replay(tmp_path, *CLIENT, "--frames", "9", options=options)
+    lines = [json.loads(line) for line in run.stdout.splitlines()[1:]]
+    assert [line["sequence"] for line in lines if "sequence" in line] == [0, 1, 2]
+    # QBUF, DQBUF or STREAMOFF, whichever comes first, finds no device.
+    assert run.returncode != 0 and "Errno 19" in run.stderr
+
+
+@pytest.mark.parametrize("text,word", [
+    ("", "empty"), ("frame;fault\n", "line 1"), ("frame,fault\n-1,lost\n", "line 2"),
+    ("frame,fault\n1,burnt\n", "line 2"), ("frame,fault\n1\n", "line 2")])
+def test_a_bad_script_of_faults_is_named_with_its_line(tmp_path, text, word):
+    make_folder(tmp_path, "GREY", count=1)
+    refusal(replay(tmp_path, "true", options=faulty(tmp_path, text)), "faults.txt", word)

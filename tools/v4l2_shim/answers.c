@@ -298,6 +298,9 @@ static const struct {
 
 int answers_ioctl(struct opening *by, unsigned int request, void *argument)
 {
+    if (vqueue_is_gone()) {
+        return ENODEV;
+    }
     for (size_t i = 0; i < sizeof answers / sizeof answers[0]; i++) {
         if (answers[i].request == request) {
             _Alignas(16) unsigned char copy[sizeof(struct v4l2_create_buffers)];

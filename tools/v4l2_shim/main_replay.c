@@ -12,13 +12,15 @@
 #include <unistd.h>
 
 #include "common/version.h"
+#include "tools/v4l2_shim/faults.h"
 #include "tools/v4l2_shim/raw_kind.h"
 #include "tools/v4l2_shim/shim_env.h"
 
 enum { EXIT_WRONG_USE = 2, EXIT_CANNOT_RUN = 126, EXIT_NO_COMMAND = 127 };
 
 static const char help[] =
-    "Usage: tessera-replay --frames DIR [--fps N] [--device /dev/video0] [--once] -- COMMAND...\n"
+    "Usage: tessera-replay --frames DIR [--fps N] [--device /dev/video0] [--once]\n"
+    "                      [--faults FILE] -- COMMAND...\n"
     "\n"
     "Runs COMMAND, unmodified, so that it sees the frames of DIR as a V4L2 camera.\n"
     "\n"
@@ -36,6 +38,9 @@ static const char help[] =
     "                 the next frame and none is dropped.\n"
     "  --device PATH  the device's name, /dev/video0 to /dev/video255; default /dev/video0\n"
     "  --once         the stream ends with EPIPE after the last frame; else it starts over\n"
+    "  --faults FILE  what goes wrong: CSV with the header line frame,fault and then a row a\n"
+    "                 fault; frame counts from 0 at STREAMON; fault is error (marked broken),\n"
+    "                 short (half its bytes), lost (skipped, but counted) or unplug\n"
     "  --help         this text\n"
     "  --version      the version\n"
     "\n"
@@ -48,6 +53,7 @@ struct options {
     const char *frames;
     const char *fps;
     const char *device;
+    const char *faults;
     bool        once;
 };
 
@@ -69,7 +75,7 @@ static struct options read_options(int argc, char **argv)
         {"frames", required_argument, NULL, 'f'}, {"fps", required_argument, NULL, 'r'},
         {"device", required_argument, NULL, 'd'}, {"once", no_argument, NULL, 'o'},
         {"help", no_argument, NULL, 'h'},         {"version", no_argument, NULL, 'v'},
-        {NULL, 0, NULL, 0},
+        {"faults", required_argument, NULL, 'x'}, {NULL, 0, NULL, 0},
     };
     struct options options = {.device = "/dev/video0"};
     /* '+': the command's options are its own; ':': the sentences are ours. */
@@ -84,6 +90,9 @@ static struct options read_options(int argc, char **argv)
             break;
         case 'd':
             options.device = optarg;
+            break;
+        case 'x':
+            options.faults = optarg;
             break;
         case 'o':
             options.once = true;
@@ -115,6 +124,24 @@ static struct options read_options(int argc, char **argv)
     return options;
 }
 
+/* The script's absolute path, or NULL where there is none. */
+static const char *check_faults(const char *given)
+{
+    static char path[PATH_MAX];
+    static struct faults faults;
+    char sentence[SENTENCE_BYTES];
+    if (given == NULL) {
+        return NULL;
+    }
+    if (realpath(given, path) == NULL) {
+        fail(EXIT_FAILURE, "%s: cannot be opened: %s", given, strerror(errno));
+    }
+    if (!faults_read(path, &faults, sentence)) {
+        fail(EXIT_FAILURE, "%s", sentence);
+    }
+    return path;
+}
+
 static struct shim_env check_frames(const struct options *options)
 {
     static char path[PATH_MAX];
@@ -134,6 +161,7 @@ static struct shim_env check_frames(const struct options *options)
         fail(EXIT_FAILURE, "%s", sentence);
     }
     folder_close(&folder);
+    settings.faults = check_faults(options->faults);
     return settings;
 }
 

@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include "tools/v4l2_shim/answers.h"
+#include "tools/v4l2_shim/delivery.h"
+#include "tools/v4l2_shim/faults.h"
 #include "tools/v4l2_shim/opens.h"
 #include "tools/v4l2_shim/shim_env.h"
 #include "tools/v4l2_shim/vqueue.h"
@@ -24,6 +26,7 @@ static char uevent_path[64];
 static pthread_once_t folder_once = PTHREAD_ONCE_INIT;
 static struct folder folder;
 static bool folder_fine;
+static struct faults faults;
 
 static void read_settings(void)
 {
@@ -37,9 +40,11 @@ static void read_folder(void)
     char sentence[SENTENCE_BYTES];
     folder_fine = folder_open(&folder, settings.frames, settings.raw ? &settings.raw_format : NULL,
                               sentence);
+    folder_fine = folder_fine && (settings.faults == NULL ||
+                                  faults_read(settings.faults, &faults, sentence));
     if (folder_fine) {
         answers_start(&folder, settings.period_ns);
-        vqueue_start(&folder, settings.period_ns, settings.once);
+        delivery_start(&folder, &faults, settings.period_ns, settings.once);
     } else {
         (void)fprintf(stderr, "tessera-replay: %s\n", sentence);
     }

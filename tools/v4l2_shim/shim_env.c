@@ -42,6 +42,7 @@ struct shim_env shim_env_get(void)
     const char *const fps = getenv(SHIM_ENV_FPS);
     settings.period_ns = fps == NULL ? 0 : shim_env_period_ns(fps);
     settings.once = getenv(SHIM_ENV_ONCE) != NULL;
+    settings.faults = getenv(SHIM_ENV_FAULTS);
     const char *const raw = getenv(SHIM_ENV_RAW);
     struct folder_format *const format = &settings.raw_format;
     char detail[SENTENCE_BYTES];
@@ -66,5 +67,6 @@ bool shim_env_put(const struct shim_env *settings, const char *fps)
                    format->width_px, format->height_px, format->stride_bytes);
     return put(SHIM_ENV_FRAMES, settings->frames) && put(SHIM_ENV_DEVICE, settings->device) &&
            put(SHIM_ENV_FPS, fps) && put(SHIM_ENV_ONCE, settings->once ? "1" : NULL) &&
+           put(SHIM_ENV_FAULTS, settings->faults) &&
            put(SHIM_ENV_RAW, settings->raw ? raw : NULL);
 }

@@ -10,6 +10,7 @@
 #define SHIM_ENV_FPS     "TESSERA_SHIM_FPS"    /* frames a second; unset: lockstep         */
 #define SHIM_ENV_ONCE    "TESSERA_SHIM_ONCE"   /* set: EPIPE after the last frame          */
 #define SHIM_ENV_RAW     "TESSERA_SHIM_RAW"    /* fourcc width height stride; unset: PGM   */
+#define SHIM_ENV_FAULTS  "TESSERA_SHIM_FAULTS" /* absolute path of the script; unset: no faults  */
 
 struct shim_env {
     const char          *frames; /* NULL: nothing to show                     */
@@ -17,6 +18,7 @@ struct shim_env {
     int                  minor;  /* the device's number                       */
     int64_t              period_ns; /* 0: lockstep                            */
     bool                 once;
+    const char          *faults; /* NULL: none                                */
     bool                 raw;
     struct folder_format raw_format;
 };

@@ -9,15 +9,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "tools/v4l2_shim/folder.h"
 #include "tools/v4l2_shim/opens.h"
-
-/* Once, before anything else. The folder stays the caller's and must outlive the queue. */
-void vqueue_start(const struct folder *folder, int64_t period_ns, bool once);
 
 /* Buffers exist, so the format cannot change. */
 bool vqueue_is_busy(void);
 bool vqueue_is_streaming(void);
+/* The device was unplugged: every ioctl answers ENODEV. */
+bool vqueue_is_gone(void);
 
 int vqueue_request(const struct opening *by, struct v4l2_requestbuffers *io);
 int vqueue_create(const struct opening *by, struct v4l2_create_buffers *io);
