@@ -28,6 +28,7 @@ firmware_SRC := \
   firmware/capture/v4l2_sys_linux.c \
   firmware/net/sender.c \
   firmware/net/sock_sys_linux.c \
+  firmware/app/camera_options.c \
   firmware/app/detector_options.c \
   firmware/app/image_file.c \
 
@@ -37,3 +38,8 @@ tessera-detect_SRC := firmware/app/main_detect.c
 tessera-detect_LIBS := firmware detect targetfile common
 tessera-detect_LDLIBS := -lpng -lcjson -lm
 $(eval $(call program,tessera-detect))
+
+tessera-cam_SRC := firmware/app/main_camera.c
+tessera-cam_LIBS := firmware detect targetfile common
+tessera-cam_LDLIBS := -lpng -lcjson -lm
+$(eval $(call program,tessera-cam))

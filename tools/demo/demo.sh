@@ -20,8 +20,8 @@ running=
 trap 'kill $running 2>/dev/null || true' EXIT
 trap 'exit 130' INT TERM
 
-step "1/6 target: 7 x 12 patches of 100 mm -> $out/target.pdf"
-"$bin/tessera-target" --rows 7 --cols 12 --patch-mm 100 --seed 7 --name demo \
+step "1/6 target: 7 x 12 patches of 120 mm -> $out/target.pdf"
+"$bin/tessera-target" --rows 7 --cols 12 --patch-mm 120 --seed 7 --name demo \
     --out "$out/target.json" --pdf "$out/target.pdf" --png "$out/target.png" --dpi 30
 
 step "2/6 frames with truth: 3 cameras, 25 instants -> $out/recording"
