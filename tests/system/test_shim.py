@@ -395,6 +395,7 @@ def test_a_bad_times_csv_is_named_with_its_line(tmp_path, text, word):
     '{"fourcc": "NV12", "width": 4, "height": 3}', '{"fourcc": "YUYV", "width": 0, "height": 4}',
     '{"fourcc": "YUYV", "width": 4, "height": 4, "bytesperline": 7}',
     '{"fourcc": "YUYV", "width": 4, "height": 4, "colour": 1}',
+    '{"fourcc": "YUYV", "width": 4, "height": 4, "col\\nour": 1}',
 ])
 def test_a_bad_format_json_is_named(tmp_path, text):
     (tmp_path / "a.raw").write_bytes(bytes(32))

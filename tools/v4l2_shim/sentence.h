@@ -17,6 +17,12 @@ __attribute__((format(printf, 2, 3))) static inline bool sentence_say(char to[SE
     va_start(rest, format);
     (void)vsnprintf(to, SENTENCE_BYTES, format, rest);
     va_end(rest);
+    /* Names from outside may hold line breaks, and one failure is one line. */
+    for (char *c = to; *c != '\0'; c++) {
+        if ((unsigned char)*c < ' ') {
+            *c = '?';
+        }
+    }
     return false;
 }
 
