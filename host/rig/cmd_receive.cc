@@ -4,6 +4,7 @@
 #include <sys/signalfd.h>
 
 #include <chrono>
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -22,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 struct ReceiveOptions {
   std::string listen, journal, port_file;
   bool append = false, until_closed = false, quiet = false;
-  unsigned cameras = 1;
+  unsigned cameras = 0;  // 0: not stated
   double timeout_s = 0;
 };
 
@@ -91,16 +92,16 @@ Status receive_until_end(const ReceiveOptions& options, Listener& listener, Rece
       progress.line("ending as asked");
       return Status();
     }
-    if (options.until_closed && receiver.cameras().size() >= options.cameras &&
-        listener.connections() == 0 && Clock::now() - last_open > kGrace) {
+    const bool all_came = receiver.cameras().size() >= std::max(options.cameras, 1u);
+    const bool may_end = options.until_closed || options.cameras > 0;
+    if (may_end && all_came && listener.connections() == 0 && Clock::now() - last_open > kGrace) {
       return Status();
     }
     if (options.timeout_s > 0 && seconds_since(last_bytes) > options.timeout_s) {
       return Status::failure(
-          fmt::format("nothing came for {} s, from {} of {} cameras so far; check that the others "
-                      "run and send to port {}; what came is kept in {}",
-                      options.timeout_s, receiver.cameras().size(), options.cameras,
-                      listener.port(), options.journal));
+          fmt::format("nothing came for {} s ({}); check that the cameras run and send to port {}; "
+                      "what came is kept in {}",
+                      options.timeout_s, receiver.summary(), listener.port(), options.journal));
     }
   }
 }
@@ -152,10 +153,10 @@ void add_receive(CLI::App& app) {
                       "one, which is printed")->required();
   command->add_option("--journal", options->journal, "File to write, see JOURNAL.md")->required();
   command->add_flag("--append", options->append, "Go on writing a journal that exists");
-  command->add_option("--cameras", options->cameras, "How many cameras are expected")
-      ->check(CLI::Range(1u, 256u))->capture_default_str();
+  command->add_option("--cameras", options->cameras, "End once so many cameras have sent packets and all have closed")
+      ->check(CLI::Range(1u, 256u));
   command->add_flag("--until-closed", options->until_closed,
-                    "End once so many cameras have sent packets and all have closed");
+                    "The same as --cameras 1: end when all that came have closed");
   command->add_option("--timeout", options->timeout_s,
                       "End with a failure when nothing comes for so many seconds; 0: wait for ever")
       ->check(CLI::Range(0.0, 1e6))->capture_default_str();
