@@ -27,7 +27,7 @@ $(unit_host_BIN): $O/tests/%: $O/tests/%.cc.o $O/libhost.a $(unit_LIBS:%=$O/lib%
 
 ## check: run every test on what is built (no installing)
 .PHONY: check
-check: unit system
+check: tables layers names symbols unit system
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit

@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """Make firmware/detect/profile_table.c: the functions that the photometric fit looks up.
 
-    profile_table.py            write the tables to standard output
-    profile_table.py --check F  exit 1 when file F differs from what would be written
+    profile_table.py [--check]     (--check: exit 1 if the file differs)
 
 All are read with linear interpolation, whose error is h^2 / 8 times the second derivative:
   edge    the normal distribution's integral at 0, 1/64 .. 4: h = 1/64, |f''| <= 0.25: 8e-6
@@ -12,6 +11,9 @@ All are read with linear interpolation, whose error is h^2 / 8 times the second 
 """
 import math
 import sys
+from pathlib import Path
+
+OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/profile_table.c"
 
 
 def rows(name, values, bits):
@@ -40,10 +42,15 @@ def table():
     return "\n".join(out) + "\n"
 
 
-if __name__ == "__main__":
-    if len(sys.argv) == 3 and sys.argv[1] == "--check":
-        with open(sys.argv[2], encoding="utf-8") as file:
-            if file.read() != table():
-                sys.exit(f"{sys.argv[2]} differs from what {sys.argv[0]} makes")
+def main():
+    if sys.argv[1:] == ["--check"]:
+        if not OUTPUT.exists() or OUTPUT.read_text() != table():
+            sys.exit(f"{OUTPUT} is not what tools/gen/profile_table.py writes; run it")
+    elif not sys.argv[1:]:
+        OUTPUT.write_text(table())
     else:
-        sys.stdout.write(table())
+        sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main()

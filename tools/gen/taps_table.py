@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """Make firmware/detect/taps_table.c: sampled Gaussian derivative filters as integers.
 
-    taps_table.py            write the table to standard output
-    taps_table.py --check F  exit 1 when file F differs from what would be written
+    taps_table.py [--check]     (--check: exit 1 if the file differs)
 
 A kernel of 2 R + 1 taps is a Gaussian of sigma = R / 3 px cut at three sigma and its first two
 derivatives, corrected so that on the polynomials 1, x and x^2 they do exactly what the derivatives
@@ -11,6 +10,9 @@ Rounding to integers keeps the sums exact, because the centre tap takes what is 
 """
 import math
 import sys
+from pathlib import Path
+
+OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/taps_table.c"
 
 SMOOTH_BITS = 15  # g and g'
 SECOND_BITS = 14  # g'', whose centre is below -1 for the smallest kernel
@@ -63,10 +65,15 @@ def table():
     return "\n".join(out) + "\n"
 
 
-if __name__ == "__main__":
-    if len(sys.argv) == 3 and sys.argv[1] == "--check":
-        with open(sys.argv[2], encoding="utf-8") as file:
-            if file.read() != table():
-                sys.exit(f"{sys.argv[2]} differs from what {sys.argv[0]} makes")
+def main():
+    if sys.argv[1:] == ["--check"]:
+        if not OUTPUT.exists() or OUTPUT.read_text() != table():
+            sys.exit(f"{OUTPUT} is not what tools/gen/taps_table.py writes; run it")
+    elif not sys.argv[1:]:
+        OUTPUT.write_text(table())
     else:
-        sys.stdout.write(table())
+        sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main()
