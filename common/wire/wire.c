@@ -149,7 +149,7 @@ enum wire_status wire_put_patch(struct wire_writer *writer, uint16_t patch_id,
 {
     assert(writer->used >= WIRE_HEADER_BYTES);
     assert(features != NULL || count == 0);
-    if ((writer->truncated & WIRE_TRUNCATED_PACKET) != 0) {
+    if (writer->is_full) {
         return WIRE_FULL;
     }
     if (patch_id >= WIRE_IDS || patch_id <= writer->last_patch_id) {
@@ -164,6 +164,7 @@ enum wire_status wire_put_patch(struct wire_writer *writer, uint16_t patch_id,
                          count * WIRE_FEATURE_BYTES;
     if (bytes > writer->capacity - writer->used) {
         writer->truncated |= WIRE_TRUNCATED_PACKET;
+        writer->is_full = true;
         return WIRE_FULL;
     }
     uint16_t mask = 0;

@@ -117,6 +117,7 @@ struct wire_writer {
     uint32_t feature_count;
     uint16_t patch_count, width_px, height_px, truncated;
     uint8_t  fraction_bits;
+    bool     is_full;
     int32_t  last_patch_id;          /* -1 before the first */
 };
 

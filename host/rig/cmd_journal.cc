@@ -90,12 +90,13 @@ Status read_all(const std::string& path, const char* heading, const Use& use) {
 Status check(const std::string& path) {
   std::map<std::string, CameraTotals> cameras;
   uint64_t packets = 0;
-  const Status status = read_all(path, "", [&](const JournalRecord&, const wire_packet_view& packet) {
+  const auto add_packet = [&](const JournalRecord&, const wire_packet_view& packet) {
     CameraTotals& totals = cameras[packet.header.camera_serial];
     totals.packets++;
     totals.features += packet.header.feature_count;
     packets++;
-  });
+  };
+  const Status status = read_all(path, "", add_packet);
   if (packets > 0 || status.ok()) fmt::print("{}: {} good packets\n", path, packets);
   for (const auto& [serial, totals] : cameras) {
     fmt::print("{}: {} packets, {} features\n", serial, totals.packets, totals.features);

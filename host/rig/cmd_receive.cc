@@ -153,7 +153,8 @@ void add_receive(CLI::App& app) {
                       "one, which is printed")->required();
   command->add_option("--journal", options->journal, "File to write, see JOURNAL.md")->required();
   command->add_flag("--append", options->append, "Go on writing a journal that exists");
-  command->add_option("--cameras", options->cameras, "End once so many cameras have sent packets and all have closed")
+  command->add_option("--cameras", options->cameras,
+                      "End once so many cameras have sent packets and all have closed")
       ->check(CLI::Range(1u, 256u));
   command->add_flag("--until-closed", options->until_closed,
                     "The same as --cameras 1: end when all that came have closed");

@@ -61,7 +61,8 @@ class Receiver:
 
 
 def journal(command, path, status=0):
-    run = subprocess.run([RIG, "journal", command, path], capture_output=True, text=True, timeout=WAIT_S)
+    run = subprocess.run([RIG, "journal", command, path], capture_output=True, text=True,
+                         timeout=WAIT_S)
     assert run.returncode == status, run.stderr
     return run.stdout
 
@@ -98,7 +99,8 @@ def test_features_come_out_as_a_decoder_of_the_document_finds_them(tmp_path):
     receiver.send(b"".join(samples))
     assert receiver.end()[0] == 0
     found = rows(journal("csv", receiver.journal))
-    expected = [(p["header"]["serial"], f) for p in map(wire.decode, samples) for f in wire.pixels(p)]
+    expected = [(packet["header"]["serial"], feature)
+                for packet in map(wire.decode, samples) for feature in wire.pixels(packet)]
     assert len(found) == len(expected)
     for row, (serial, (patch, feature, x, y, sigma, size)) in zip(found, expected):
         assert (row["camera"], int(row["patch"]), int(row["feature"])) == (serial, patch, feature)
@@ -116,8 +118,8 @@ def test_a_bad_packet_is_left_out_and_the_good_ones_around_it_stay(path, tmp_pat
     receiver.send(packet("c", 1) + bad + b"".join(packet("c", n) for n in range(2, 8)))
     status, said = receiver.end()
     # With a byte too many behind it, a packet is a good one on a stream, and that byte is skipped.
-    listed = [int(r["packet"]) for r in rows(journal("list", receiver.journal)) if r["camera"] == "c"]
-    assert listed == [1, 2, 3, 4, 5, 6, 7]
+    listed = rows(journal("list", receiver.journal))
+    assert [int(r["packet"]) for r in listed if r["camera"] == "c"] == [1, 2, 3, 4, 5, 6, 7]
     assert status == (0 if not bad else 1), said
     if bad:
         assert "1 fault on connections" in said.splitlines()[-1]
@@ -303,8 +305,8 @@ def test_a_foreign_file_is_no_journal(tmp_path):
 
 
 def test_a_port_of_zero_is_printed(tmp_path):
-    process = subprocess.Popen([RIG, "receive", "--listen", "127.0.0.1:0", "--journal", tmp_path / "j",
-                                "--quiet"], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([RIG, "receive", "--listen", "127.0.0.1:0", "--quiet",
+                                "--journal", tmp_path / "j"], stdout=subprocess.PIPE, text=True)
     port = int(process.stdout.readline())
     socket.create_connection(("127.0.0.1", port), timeout=WAIT_S).close()
     process.send_signal(signal.SIGTERM)

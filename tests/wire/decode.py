@@ -33,7 +33,8 @@ def checksum(data):
 
 # Section 2, the fields that are only numbers: name, offset, bytes.
 NUMBERS = [
-    ("boot_id", 56, 8), ("sequence", 64, 4), ("packet_index", 68, 4), ("clock_uncertainty_ns", 80, 4),
+    ("boot_id", 56, 8), ("sequence", 64, 4), ("packet_index", 68, 4),
+    ("clock_uncertainty_ns", 80, 4),
     ("exposure_ns", 84, 4), ("row_time_ns", 88, 4), ("clock_kind", 92, 1), ("flips", 93, 1),
     ("binning_x", 94, 1), ("binning_y", 95, 1), ("width", 96, 2), ("height", 98, 2),
     ("region_x", 100, 2), ("region_y", 102, 2), ("region_width", 104, 2), ("region_height", 106, 2),

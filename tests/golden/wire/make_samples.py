@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the golden packets of this folder from common/wire/WIRE.md, without any of the project's code.
+"""Makes this folder's golden packets from common/wire/WIRE.md, with none of the project's code.
 
     make_samples.py            writes NAME.hex (and NAME.json, what it says) beside itself
     make_samples.py --check    changes nothing; exit 1 where a file differs
@@ -75,7 +75,8 @@ def build(fields, patches, extra=b"", records=None):
 # Every field another value, every byte of a field another one.
 FULL = {
     "serial": "kam\u00e9ra-7", "boot_id": 0x1112131415161718, "sequence": 0x21222324,
-    "packet_index": 0x31323334, "t_capture_ns": 0x4142434445464748, "clock_uncertainty_ns": 0x51525354,
+    "packet_index": 0x31323334, "t_capture_ns": 0x4142434445464748,
+    "clock_uncertainty_ns": 0x51525354,
     "exposure_ns": 0x61626364, "row_time_ns": 0x71727374, "clock_kind": 3, "flips": 2,
     "binning_x": 1, "binning_y": 2, "width": 1920, "height": 1080, "region_x": 0x0102,
     "region_y": 0x0304, "region_width": 0x0782, "region_height": 0x0874,
@@ -96,7 +97,8 @@ EXTREME = {
 }
 # (959.5 + 0.25) px from the corner in x, 540.125 in y, at 12 fraction bits.
 FULL_PATCHES = {
-    5: {0: (3931136, 2212352, 13, 12), 3: (4096, 2048, 0, 0), 12: (1920 * 4096 - 1, 1080 * 4096 - 1, 31, 31)},
+    5: {0: (3931136, 2212352, 13, 12), 3: (4096, 2048, 0, 0),
+        12: (1920 * 4096 - 1, 1080 * 4096 - 1, 31, 31)},
     0x0ABC: {1: (0, 0, 10, 9)},
 }
 LEVEL_3 = {
