@@ -31,7 +31,7 @@ rm -rf "$out/recording"
 
 step "3/6 receiver -> $out/demo.journal"
 rm -f "$out/demo.journal" "$out/port"
-"$bin/tessera-rig" receive --listen 127.0.0.1:0 --port-file "$out/port" --cameras 3 \
+"$bin/tessera-rig" receive --listen 127.0.0.1:0 --port-file "$out/port" --cameras 3 --until-closed \
     --journal "$out/demo.journal" &
 receiver=$!
 running=$receiver
