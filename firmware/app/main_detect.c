@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "common/version.h"
@@ -44,16 +45,22 @@ static int failure(const char *sentence)
 }
 
 /* A result file: written beside its place and moved there when whole, so that a failure loses nothing
- * that was there before. */
+ * that was there before. What is no regular file, a pipe or a device, is written to directly. */
 struct result {
     const char *path;
-    char        temporary[PATH_MAX];
+    char        temporary[PATH_MAX]; /* empty: written to directly */
     FILE       *file;
 };
 
 static bool open_result(struct result *result, const char *path)
 {
+    struct stat there;
     result->path = path;
+    result->temporary[0] = '\0';
+    if (stat(path, &there) == 0 && !S_ISREG(there.st_mode)) {
+        result->file = fopen(path, "wb");
+        return result->file != NULL;
+    }
     const int length = snprintf(result->temporary, sizeof result->temporary, "%s.part", path);
     if (length < 0 || (size_t)length >= sizeof result->temporary) {
         errno = ENAMETOOLONG;
@@ -63,16 +70,28 @@ static bool open_result(struct result *result, const char *path)
     return result->file != NULL;
 }
 
+/* Ends an unfinished result; what was in its place before stays. */
+static void drop_result(struct result *result)
+{
+    (void)fclose(result->file);
+    if (result->temporary[0] != '\0') {
+        (void)unlink(result->temporary);
+    }
+}
+
 static bool close_result(struct result *result)
 {
-    const bool wrote = ferror(result->file) == 0;
-    if (fclose(result->file) != 0 || !wrote) {
+    errno = 0;
+    if (fflush(result->file) != 0 || ferror(result->file) != 0) {
         const int why = errno;
-        (void)unlink(result->temporary);
+        drop_result(result);
         errno = why != 0 ? why : EIO;
         return false;
     }
-    return rename(result->temporary, result->path) == 0;
+    if (fclose(result->file) != 0) {
+        return false;
+    }
+    return result->temporary[0] == '\0' || rename(result->temporary, result->path) == 0;
 }
 
 /* A CSV field, quoted where it has to be (RFC 4180). */
@@ -196,12 +215,10 @@ static int run(char *const paths[], int count, const struct pipeline_settings *s
     if (exit_code != EXIT_SUCCESS) {
         /* What was there before stays; what is unfinished goes. */
         if (csv_path != NULL) {
-            (void)fclose(csv.file);
-            (void)unlink(csv.temporary);
+            drop_result(&csv);
         }
         if (packets_path != NULL) {
-            (void)fclose(packets.file);
-            (void)unlink(packets.temporary);
+            drop_result(&packets);
         }
         return exit_code;
     }
