@@ -15,6 +15,7 @@ tessera-rig_LDLIBS := -lcjson $(host_LDLIBS)
 tessera-rig_SRC := \
   host/rig/main.cc \
   host/rig/cmd_receive.cc \
+  host/rig/announce.cc \
   host/rig/receiver.cc \
   host/rig/cmd_journal.cc \
 

@@ -5,11 +5,10 @@
 
 #include <chrono>
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <memory>
 
+#include "host/rig/announce.h"
 #include "host/rig/commands.h"
 #include "host/rig/progress.h"
 #include "host/rig/receiver.h"
@@ -52,24 +51,16 @@ bool was_signalled(int fd) {
   return read(fd, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
 }
 
-Status announce_port(const ReceiveOptions& options, uint16_t port) {
-  if (options.port_file.empty()) {
-    const bool was_chosen = options.listen.size() > 2 &&
-                            options.listen.compare(options.listen.size() - 2, 2, ":0") == 0;
-    if (was_chosen) fmt::print("{}\n", port);
-    std::fflush(stdout);
-    return Status();
+// Reads what lies ready when the end is asked for; bounded, since cameras may go on sending.
+Status take_what_has_come(Listener& listener, Receiver& receiver) {
+  constexpr int kRounds = 16;
+  uint64_t bytes = receiver.bytes() + 1;
+  for (int i = 0; i < kRounds && receiver.bytes() != bytes; i++) {
+    bytes = receiver.bytes();
+    const Status status = listener.poll(0, -1, receiver.events());
+    if (!status.ok()) return status;
   }
-  // Whoever waits for the file must never read half a number.
-  const std::string beside = options.port_file + ".tmp";
-  std::FILE* file = std::fopen(beside.c_str(), "w");
-  bool good = file != nullptr && std::fprintf(file, "%u\n", unsigned{port}) > 0;
-  good = file != nullptr && std::fclose(file) == 0 && good;
-  good = good && std::rename(beside.c_str(), options.port_file.c_str()) == 0;
-  if (good) return Status();
-  const std::string why = std::strerror(errno);
-  std::remove(beside.c_str());
-  return Status::failure(options.port_file + ": " + why);
+  return receiver.journal_status();
 }
 
 // Receives until there is a reason to end; that reason, where it is a failure.
@@ -90,7 +81,7 @@ Status receive_until_end(const ReceiveOptions& options, Listener& listener, Rece
     if (listener.connections() > 0) last_open = Clock::now();
     if (was_signalled(signals)) {
       progress.line("ending as asked");
-      return Status();
+      return take_what_has_come(listener, receiver);
     }
     const bool all_came = receiver.cameras().size() >= std::max(options.cameras, 1u);
     const bool may_end = options.until_closed || options.cameras > 0;
@@ -114,7 +105,7 @@ Status receive(const ReceiveOptions& options) {
   Result<JournalWriter> journal = options.append ? JournalWriter::append(options.journal)
                                                  : JournalWriter::create(options.journal);
   if (!journal.ok()) return journal.status();
-  Status status = announce_port(options, listener.value().port());
+  Status status = announce_port(listener.value().port(), options.listen, options.port_file);
   if (!status.ok()) return status;
 
   Progress progress(options.quiet);
