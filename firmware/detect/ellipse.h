@@ -26,7 +26,7 @@ struct ellipse_root {
     int32_t yy_px_q16; /* > 0 */
 };
 
-/* False when S is not positive definite or an axis is below 1/4 px. */
+/* False when S is not positive definite or xx or yy would be below 1/4 px. */
 bool ellipse_take_root(const struct ellipse *ellipse, struct ellipse_root *root);
 
 /* Semi-axes and the angle of the major one from +x towards +y, in [0, 1/2) turn. */
