@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -53,6 +54,18 @@ std::string text_of(const sockaddr_storage& address, socklen_t bytes) {
   // An IPv4 camera on a socket for both kinds is shown as what it is.
   if (name.rfind("::ffff:", 0) == 0) name.erase(0, 7);
   return name.find(':') != std::string::npos ? "[" + name + "]:" + port : name + ":" + port;
+}
+
+// A camera that lost its power says nothing: ask after it when nothing comes.
+void notice_death(int fd) {
+  const int yes = 1;
+  const int idle_s = 10;
+  const int interval_s = 5;
+  const int questions = 3;
+  static_cast<void>(::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &yes, sizeof yes));
+  static_cast<void>(::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof idle_s));
+  static_cast<void>(::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &interval_s, sizeof interval_s));
+  static_cast<void>(::setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &questions, sizeof questions));
 }
 
 UniqueFd listen_on(const addrinfo& at) {
@@ -124,8 +137,7 @@ void Listener::accept_all(const Events& events) {
     // What fails here is the other side's trouble, or passes: the next poll tries again.
     if (!fd.ok()) return;
     if (connections_.size() >= kConnectionsMax) continue;
-    const int yes = 1;
-    static_cast<void>(::setsockopt(fd.get(), SOL_SOCKET, SO_KEEPALIVE, &yes, sizeof yes));
+    notice_death(fd.get());
     last_connection_++;
     connections_.emplace(last_connection_, std::move(fd));
     events.on_open(last_connection_, text_of(peer, bytes));
