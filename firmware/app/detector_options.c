@@ -74,6 +74,8 @@ const struct pipeline_settings *detector_options_settings(struct detector_option
         patches->target = &options->target.target;
         patches->levels = options->target.target.levels;
         patches->circle_ratio_q16 = options->target.target.circle_ratio_q16;
+        patches->edge_level_q16 = options->target.target.edge_level_q16;
+        patches->gauss_sigma_q16 = options->target.target.gauss_sigma_q16;
     }
     return &options->settings;
 }

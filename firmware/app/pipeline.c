@@ -11,14 +11,16 @@ struct pipeline_settings pipeline_defaults(void)
     return (struct pipeline_settings){
         .kernel_radius_px = 3,
         .gradient_min_q3 = 320, /* 2.5 grey levels a pixel: three times the noise of a bad camera */
-        .patches = {.levels = 2, .circle_ratio_q16 = 32768, .target = NULL},
+        .patches = {.levels = 2, .circle_ratio_q16 = 32768, .edge_level_q16 = 52429,
+                    .gauss_sigma_q16 = 26214, .target = NULL},
     };
 }
 
 uint64_t pipeline_settings_digest(const struct pipeline_settings *settings)
 {
     const uint32_t values[] = {settings->kernel_radius_px, settings->gradient_min_q3,
-                               settings->patches.levels, settings->patches.circle_ratio_q16};
+                               settings->patches.levels, settings->patches.circle_ratio_q16,
+                               settings->patches.edge_level_q16, settings->patches.gauss_sigma_q16};
     uint64_t digest = 0xcbf29ce484222325u;
     for (unsigned i = 0; i < sizeof values / sizeof values[0]; i++) {
         for (unsigned byte = 0; byte < 4; byte++) {
@@ -40,7 +42,7 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
     ellipses_init(&pipeline->ellipses, arena, width_px, height_px);
     marks_init(&pipeline->marks, arena, width_px, height_px);
     patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
-    refine_init(&pipeline->refine, arena, settings->patches.circle_ratio_q16,
+    refine_init(&pipeline->refine, arena, &settings->patches,
                 pipeline->steer.taps->sigma_px_q16, width_px);
     packet_init(&pipeline->packet, arena, width_px, height_px);
 }

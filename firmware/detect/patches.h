@@ -19,6 +19,8 @@
 struct patches_settings {
     uint8_t              levels;           /* 2 or 3                                   */
     uint32_t             circle_ratio_q16; /* circle radius over inradius              */
+    uint32_t             edge_level_q16;   /* of the circles' Gaussian peaks: TARGET.md */
+    uint32_t             gauss_sigma_q16;
     const struct target *target;           /* NULL: any id may be seen                 */
 };
 

@@ -44,12 +44,32 @@ struct normal {
     uint32_t count;
 };
 
-void refine_init(struct refine *refine, struct arena *arena, uint32_t circle_ratio_q16,
-                 uint32_t kernel_sigma_px_q16, unsigned width)
+/* exp(-t^2 / 2) by the normal density; 0 beyond t = 4. */
+static int64_t exp_q15(int64_t t_q16)
+{
+    if (t_q16 >= (int64_t)4 << 16) {
+        return 0;
+    }
+    int32_t bell_q15;
+    (void)profile_edge((int32_t)t_q16, &bell_q15);
+    return (bell_q15 * FX_Q(2.5066283, 13)) >> 13;
+}
+
+void refine_init(struct refine *refine, struct arena *arena,
+                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
+                 unsigned width)
 {
     refine->luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
-    refine->circle_ratio_q16 = circle_ratio_q16;
+    refine->circle_ratio_q16 = settings->circle_ratio_q16;
     refine->kernel_sigma_px_q16 = kernel_sigma_px_q16;
+
+    /* level(rho) = e + (1 - e) exp(-rho^2 / 2 sigma^2), over level(1). */
+    const int64_t edge_q15 = settings->edge_level_q16 / 2;
+    const uint32_t sigma_q16 = settings->gauss_sigma_q16 > 1024 ? settings->gauss_sigma_q16 : 1024;
+    refine->peak_over_q16 = ((int64_t)1 << 32) / sigma_q16;
+    const int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(refine->peak_over_q16)) >> 15);
+    refine->peak_base_q15 = (edge_q15 << 15) / rim_q15;
+    refine->peak_swing_q15 = ((32768 - edge_q15) << 15) / rim_q15;
 }
 
 /* Fills what follows from the ellipse. |grad rho|^2 = p' (B'B)^-1 p on the unit circle: with B^-1 =
@@ -86,7 +106,7 @@ static bool prepare_view(struct view *view)
 }
 
 /* Adds one pixel of brightness `grey_q4` at unit-frame place (p, q). */
-static void add_pixel(const struct view *view, int64_t p_q24, int64_t q_q24, uint16_t grey_q4,
+static void add_pixel(const struct refine *refine, const struct view *view, int64_t p_q24, int64_t q_q24, uint16_t grey_q4,
                       struct normal *sum)
 {
     const int64_t pp = fx_round_shift_i64(p_q24 * p_q24, 24);
@@ -120,8 +140,16 @@ static void add_pixel(const struct view *view, int64_t p_q24, int64_t q_q24, uin
         return;
     }
     const int64_t t_q16 = d_px_q16 * 65536 / view->blur_px_q16;
-    int32_t bell_q15;
-    const int64_t edge_q15 = profile_edge((int32_t)t_q16, &bell_q15);
+    int32_t bell_plain_q15;
+    const int64_t edge_plain_q15 = profile_edge((int32_t)t_q16, &bell_plain_q15);
+    int64_t peak_q15 = 32768;
+    if (rho_q24 < (int64_t)1 << 24) {
+        const int64_t over_q16_t = fx_round_shift_i64(rho_q24 * refine->peak_over_q16, 24);
+        peak_q15 = refine->peak_base_q15 +
+                   ((refine->peak_swing_q15 * exp_q15(over_q16_t)) >> 15);
+    }
+    const int64_t edge_q15 = fx_round_shift_i64(edge_plain_q15 * peak_q15, 15);
+    const int64_t bell_q15 = fx_round_shift_i64(bell_plain_q15 * peak_q15, 15);
     const int64_t push_q20 = fx_round_shift_i64(bell_q15 * h_q16, 11);
     const int64_t j_q20[UNKNOWNS] = {
         fx_round_shift_i64(push_q20 * cos_q20, 20),
@@ -179,7 +207,7 @@ static void gather_pixels(const struct refine *refine, const struct frame_view *
             const int64_t rest_q16 = dy_q16 - fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
             const int64_t q_q24 = fx_round_shift_i64(rest_q16 * view->over_yy_q40, 16);
             if (fx_abs_i64(p_q24) < (int64_t)4 << 24 && fx_abs_i64(q_q24) < (int64_t)4 << 24) {
-                add_pixel(view, p_q24, q_q24, refine->luma_grey_q4[x - left], sum);
+                add_pixel(refine, view, p_q24, q_q24, refine->luma_grey_q4[x - left], sum);
             }
         }
     }

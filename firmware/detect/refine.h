@@ -5,10 +5,11 @@
  * does neither. In the unit frame of the ellipse found so far (refit.h) a pixel lies at distance
  * d = (1 - rho) h inside the edge, h = rho / |grad f|, and should have the brightness
  *
- *   I = b + c P(d / s),   P the normal integral,
+ *   I = b + c g(rho) P(d / s),   P the normal integral,
  *
- * for outside level b, contrast c and blur s (optics and the pixel's own width together). Where the edge moves
- * outwards by J theta in the unit frame, I grows by c P'(d / s) h / s J theta. So I is linear in
+ * for outside level b, contrast c and blur s (optics and the pixel's own width together); g is the circle's
+ * printed Gaussian peak over its level at the edge, 1 outside. Where the edge moves outwards by J theta in
+ * the unit frame, I grows by c g P'(d / s) h / s J theta. So I is linear in
  *
  *   (c theta_0..4 / s, b, c, c ds / s),
  *
@@ -28,12 +29,16 @@ struct refine {
     uint16_t *luma_grey_q4;      /* a row's span */
     uint32_t  circle_ratio_q16;
     uint32_t  kernel_sigma_px_q16;
+    int64_t   peak_base_q15;     /* g = base + swing exp(-rho^2 / 2 sigma^2) */
+    int64_t   peak_swing_q15;
+    int64_t   peak_over_q16;     /* 1 / sigma */
     uint32_t  refined;           /* counters of the frame */
     uint32_t  kept;              /* features whose fit was refused: the first ellipse stays */
 };
 
-void refine_init(struct refine *refine, struct arena *arena, uint32_t circle_ratio_q16,
-                 uint32_t kernel_sigma_px_q16, unsigned width);
+void refine_init(struct refine *refine, struct arena *arena,
+                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
+                 unsigned width);
 
 /* Improves the marks that the patches name: ellipse, size and sigma. */
 void refine_marks(struct refine *refine, const struct frame_view *frame,
