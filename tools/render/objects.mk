@@ -1,5 +1,6 @@
-# tessera-render. -O3: the loops over pixels are worth vectorising.
-render_FLAGS := -O3 -Wno-shadow $(call system_cflags,eigen3)
+# tessera-render. -O3: the loops over pixels are worth vectorising. Under the sanitizers that would take
+# the compiler minutes a file.
+render_FLAGS := $(if $(SAN),-O1,-O3) $(call system_cflags,eigen3)
 tessera-render_FLAGS := $(render_FLAGS)
 tessera-render_SRC := \
     tools/render/lens.cc \
