@@ -1,0 +1,58 @@
+// What the solver is given: cameras, boards and where in which image a board's point was seen.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+namespace rig {
+
+struct SceneCamera {
+    std::string name;
+    int width_px = 0;
+    int height_px = 0;
+};
+
+// A point feature, or a circle in a plane z = constant whose observed quantity is the centre of the
+// ellipse that its edge makes in the image.
+struct BoardPoint {
+    std::int64_t id = 0;                             // Tessera: patch id * 128 + feature index
+    Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();  // board frame
+    double radius_mm = 0.0;                          // 0: a point
+};
+
+// One rigid piece with one pose a frame.
+struct Board {
+    std::string name;
+    std::vector<BoardPoint> points;
+    std::unordered_map<std::int64_t, std::size_t> index_of_id;
+    bool is_static = false;     // one pose for all frames
+    bool faces_minus_z = false;  // can only be seen from its -z side (every Tessera target)
+};
+
+struct Observation {
+    int camera = 0;           // index into Scene::cameras
+    int board = 0;            // index into Scene::boards
+    std::int64_t frame = 0;   // equal frames are simultaneous
+    std::size_t point = 0;    // index into Board::points
+    Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // (0, 0): centre of the top-left pixel
+    double sigma_px = 0.0;    // standard deviation per axis; 0: unknown
+};
+
+struct InputFile {
+    std::string path;
+    std::string digest;  // FNV-1a of its bytes, 16 hex digits
+};
+
+struct Scene {
+    std::vector<SceneCamera> cameras;
+    std::vector<Board> boards;
+    std::vector<Observation> observations;      // sorted: camera, frame, board, point
+    std::map<std::string, std::size_t> rejected;  // counts by reason, before solving
+    std::vector<InputFile> inputs;
+};
+
+}  // namespace rig
