@@ -1,0 +1,31 @@
+// One least-squares solve over views: lenses, camera poses and board poses together. Board poses are
+// eliminated first (Schur), one block a view.
+#pragma once
+
+#include <vector>
+
+#include "host/solve/views.h"
+
+namespace rig {
+
+// How much of a lens may move. Focal: fx, fy. Radial: these and the first two distortion coefficients.
+enum class LensFreedom { kNone, kFocal, kRadial, kAll };
+
+struct BundleOptions {
+    LensFreedom lens = LensFreedom::kAll;
+    std::vector<double> cauchy;  // loss scale by camera, in units of sigma; empty or 0: plain squares
+    int gauge_camera = 0;        // its cam_from_rig is held
+    int iterations_max = 50;
+    double tolerance = 1e-10;    // relative fall of the cost that ends the solve
+};
+
+struct BundleResult {
+    bool usable = false;  // the state was improved or was a minimum already
+    double cost = 0.0;    // half the sum of squares
+    int iterations = 0;
+};
+
+// Views whose points are all rejected do not take part.
+BundleResult bundle(const std::vector<View>& views, const BundleOptions& options, RigState* state);
+
+}  // namespace rig

@@ -1,0 +1,90 @@
+// The mathematics. The edge is sampled at N points, evenly in the angle on the board, q_k. Its mean
+// and first harmonic give an affine map to a frame in which the edge is nearly the unit circle:
+//     q_k = m + M u_k,   m = mean(q),   M = (2 / N) sum q_k [cos, sin]
+// In that frame the conic  |u|^2 - 1 + p0 + p1 u + p2 v + p3 (u^2 - v^2) + p4 u v = 0  is fitted by
+// linear least squares. Its algebraic residual is twice the distance to the edge there, to first
+// order in the deviation from an ellipse; the deviation itself is of second order in the radius.
+// Weights are the length of edge that a sample stands for in the image. The fitted conic's centre
+// then goes back through M. For an undistorted circle the conic is exact, whatever N.
+#include "host/solve/circle_centre.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <array>
+#include <cmath>
+
+namespace rig {
+namespace {
+
+constexpr int kSamples = 16;  // harmonics up to the sixth do not alias into the fit
+constexpr double kPi = 3.14159265358979323846;
+
+using Samples = Eigen::Matrix<double, 2, kSamples>;
+
+struct Angles {
+    Samples unit;
+    Angles()
+    {
+        for (int k = 0; k < kSamples; ++k) {
+            unit.col(k) << std::cos(2.0 * kPi * k / kSamples), std::sin(2.0 * kPi * k / kSamples);
+        }
+    }
+};
+
+const Samples& unit_circle()
+{
+    static const Angles angles;
+    return angles.unit;
+}
+
+}  // namespace
+
+Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_board,
+                                     const Eigen::Vector3d& centre_mm, double radius_mm)
+{
+    const Eigen::Vector2d none = Eigen::Vector2d::Zero();
+    Eigen::Vector2d image_of_centre;
+    if (radius_mm == 0.0
+        || !project_formula(lens.model, lens.intrinsics.data(), cam_from_board * centre_mm,
+                            &image_of_centre, nullptr)) {
+        return none;
+    }
+    // Relative to the image of the centre: small numbers keep their digits.
+    const Samples& unit = unit_circle();
+    Samples edge;
+    for (int k = 0; k < kSamples; ++k) {
+        const Eigen::Vector3d at(centre_mm.x() + radius_mm * unit(0, k),
+                                 centre_mm.y() + radius_mm * unit(1, k), centre_mm.z());
+        Eigen::Vector2d pixel;
+        if (!project_formula(lens.model, lens.intrinsics.data(), cam_from_board * at, &pixel, nullptr)) {
+            return none;
+        }
+        edge.col(k) = pixel - image_of_centre;
+    }
+    const Eigen::Vector2d mean = edge.rowwise().mean();
+    const Eigen::Matrix2d axes = (2.0 / kSamples) * edge * unit.transpose();
+    if (std::abs(axes.determinant()) < 1e-12) {
+        return none;
+    }
+    const Samples u = axes.inverse() * (edge.colwise() - mean);
+    Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
+    Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
+    for (int k = 0; k < kSamples; ++k) {
+        const int before = (k + kSamples - 1) % kSamples;
+        const int after = (k + 1) % kSamples;
+        const double weight = (edge.col(after) - edge.col(before)).norm();
+        const double x = u(0, k);
+        const double y = u(1, k);
+        Eigen::Matrix<double, 5, 1> row;
+        row << 1.0, x, y, x * x - y * y, x * y;
+        normal += weight * row * row.transpose();
+        right -= weight * (x * x + y * y - 1.0) * row;
+    }
+    const Eigen::Matrix<double, 5, 1> p = normal.ldlt().solve(right);
+    Eigen::Matrix2d quadratic;
+    quadratic << 2.0 * (1.0 + p[3]), p[4], p[4], 2.0 * (1.0 - p[3]);
+    const Eigen::Vector2d centre = -quadratic.inverse() * p.segment<2>(1);
+    return mean + axes * centre;
+}
+
+}  // namespace rig

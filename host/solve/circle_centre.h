@@ -1,0 +1,17 @@
+// The centre of an imaged circle's edge is not the image of the circle's centre: perspective moves
+// it, and distortion moves it further.
+#pragma once
+
+#include "host/base/pose.h"
+#include "host/model/camera.h"
+
+namespace rig {
+
+// Centre of the ellipse that fits the imaged edge of a circle in the board's plane z = constant, less
+// the image of its centre; px. The ellipse is the algebraic least-squares fit to edge points spread
+// evenly along the edge in the image, which is what a detector's edge pixels are. Zero for radius 0,
+// and where the edge has no image.
+Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_board,
+                                     const Eigen::Vector3d& centre_mm, double radius_mm);
+
+}  // namespace rig

@@ -1,0 +1,37 @@
+// Maximum likelihood in the presence of wrong points: robust solves until the noise is known, then
+// plain least squares over the points that agree with it.
+#pragma once
+
+#include "host/solve/bundle.h"
+
+namespace rig {
+
+// A point is rejected when its whitened residual is longer than this many times the camera's noise
+// factor (at least 1). A Gaussian residual in the plane does so once in 65 million.
+constexpr double kRejectSigmas = 6.0;
+
+// A view with more than this part of its points rejected is rejected as a whole: its board, frame or
+// time is wrong, and the points that fit do so by chance.
+constexpr double kRejectViewPart = 0.5;
+
+struct RefineResult {
+    bool converged = false;
+    std::vector<double> noise_factor;  // by camera: robust scale of the whitened residuals
+};
+
+// Start from `state`, which may be tens of pixels off. Sets the centre offsets, the sigmas that are
+// not known, and which points are used.
+RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state);
+
+// The robust rounds alone: all points, a loss whose scale follows the residuals down until they stop
+// shrinking. False when no step led to a usable state.
+bool approach(const BundleOptions& options, std::vector<View>* views, RigState* state);
+
+// Sets each circle's centre_offset_px for the present state. Returns the largest change, px.
+double update_centre_offsets(const RigState& state, std::vector<View>* views);
+
+// Robust standard deviation per axis of the whitened residuals, by camera (0 without any): 1.4826
+// times the median of their absolute components, rejected points included.
+std::vector<double> noise_factors(const RigState& state, const std::vector<View>& views);
+
+}  // namespace rig

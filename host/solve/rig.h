@@ -1,0 +1,42 @@
+// Stage two: the rig. Relative poses with the lenses of stage one held, then everything together.
+#pragma once
+
+#include <functional>
+
+#include "host/base/status.h"
+#include "host/solve/intrinsics.h"
+#include "host/solve/refine.h"
+
+namespace rig {
+
+struct SolveOptions {
+    CameraModel model = CameraModel::kBrown;
+    bool partial = false;  // solve the largest connected part when not all cameras are connected
+};
+
+// Standard deviations from the covariance of the joint solution, scaled by its noise factor where
+// that is above 1. Zero for the gauge camera's pose.
+struct CameraUncertainty {
+    std::vector<double> intrinsics;                                  // unit of each
+    Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();          // about the camera's axes
+    Eigen::Vector3d translation_mm = Eigen::Vector3d::Zero();
+};
+
+struct Solution {
+    std::vector<int> cameras;      // indices into Scene::cameras that were solved; first is the rig frame
+    std::vector<std::string> left_out;  // sentences: what is not in the solution, and why
+    ViewSet set;                   // views of the solved cameras, with sigmas, offsets, used points
+    RigState state;                // indexed by scene camera
+    std::vector<double> noise_factor;      // by scene camera
+    std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
+};
+
+// Called with one line at the end of each stage.
+using Progress = std::function<void(const std::string&)>;
+
+Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, const Progress& progress);
+
+// Residuals of a view in the solution, px: projected less observed, in the order of its points.
+std::vector<Eigen::Vector2d> residuals_px(const Solution& solution, const View& view);
+
+}  // namespace rig
