@@ -1,0 +1,126 @@
+// See export.h.
+#include "host/report/export.h"
+
+#include "common/version.h"
+
+namespace rig {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kDegreesPerRadian = 180.0 / 3.14159265358979323846;
+
+ordered_json pose_json(const Pose& pose)
+{
+    ordered_json rotation = ordered_json::array();
+    for (int row = 0; row < 3; ++row) {
+        for (int column = 0; column < 3; ++column) {
+            rotation.push_back(pose.rotation(row, column));
+        }
+    }
+    const Eigen::Vector3d& t = pose.translation_mm;
+    return {{"rotation", rotation}, {"translation_mm", {t.x(), t.y(), t.z()}}};
+}
+
+std::vector<double> list(const Eigen::Vector3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+void add_lengths(const LengthStatistics& lengths, ordered_json* out)
+{
+    (*out)["rmse_px"] = lengths.rmse_px;
+    (*out)["rmse_all_px"] = lengths.rmse_all_px;
+    (*out)["mean_px"] = lengths.mean_px;
+    (*out)["std_px"] = lengths.deviation_px;
+    (*out)["observations"] = lengths.used;
+    (*out)["rejected"] = lengths.rejected;
+}
+
+ordered_json camera_json(const SceneCamera& known, const Solution& solution, std::size_t camera,
+                         const CameraStatistics& statistics)
+{
+    const Camera& lens = solution.state.lenses[camera];
+    const std::vector<double>& numbers = lens.intrinsics;
+    ordered_json out{{"name", known.name}, {"width", known.width_px}, {"height", known.height_px}};
+    out["model"] = camera_model_name(lens.model);
+    const std::vector<std::string> names = intrinsics_names(lens.model);
+    for (std::size_t i = 0; i < kPinholeCount; ++i) {
+        out[names[i]] = numbers[i];
+    }
+    out["distortion"] = std::vector<double>(numbers.begin() + kPinholeCount, numbers.end());
+    out["cam_from_rig"] = pose_json(pose_exp(solution.state.cam_from_rig[camera]));
+    add_lengths(statistics.lengths, &out);
+    out["views"] = statistics.views;
+    out["points_per_frame"] = statistics.points_per_view;
+    out["noise_factor"] = solution.noise_factor[camera];
+    const Coverage& coverage = statistics.coverage;
+    out["coverage"] = {{"columns", coverage.columns},
+                       {"rows", coverage.rows},
+                       {"part", coverage.part},
+                       {"weak", coverage.weak}};
+    const CameraUncertainty& deviation = solution.uncertainty[camera];
+    ordered_json deviations;
+    for (std::size_t i = 0; i < kPinholeCount; ++i) {
+        deviations[names[i]] = deviation.intrinsics[i];
+    }
+    deviations["distortion"] = std::vector<double>(deviation.intrinsics.begin() + kPinholeCount,
+                                                   deviation.intrinsics.end());
+    deviations["rotation_deg"] = list(deviation.rotation_rad * kDegreesPerRadian);
+    deviations["translation_mm"] = list(deviation.translation_mm);
+    out["standard_deviation"] = deviations;
+    return out;
+}
+
+// Every frame a board was seen in; a static board has the same pose in all of them.
+ordered_json frames_json(const Scene& scene, const Solution& solution)
+{
+    std::map<std::pair<std::int64_t, int>, std::size_t> pose_of;
+    for (const View& view : solution.set.views) {
+        pose_of.emplace(std::pair(view.frame, view.board), view.pose);
+    }
+    ordered_json frames = ordered_json::array();
+    for (const auto& [key, pose] : pose_of) {
+        frames.push_back({{"frame", key.first},
+                          {"board", scene.boards[static_cast<std::size_t>(key.second)].name},
+                          {"rig_from_board", pose_json(pose_exp(solution.state.rig_from_board[pose]))}});
+    }
+    return frames;
+}
+
+}  // namespace
+
+ordered_json rig_json(const Scene& scene, const Solution& solution, const Statistics& statistics,
+                      const Origin& origin)
+{
+    ordered_json out{{"format", "tessera-rig"}, {"version", 1}};
+    add_lengths(statistics.rig, &out);
+    std::size_t rejected = 0;
+    for (const auto& [reason, count] : statistics.rejected) {
+        rejected += count;
+    }
+    out["rejected"] = rejected;
+    out["rejected_by_reason"] = statistics.rejected;
+    out["cameras"] = ordered_json::array();
+    for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
+        const auto camera = static_cast<std::size_t>(solution.cameras[i]);
+        out["cameras"].push_back(
+            camera_json(scene.cameras[camera], solution, camera, statistics.cameras[i]));
+    }
+    out["boards"] = ordered_json::array();
+    for (const Board& board : scene.boards) {
+        out["boards"].push_back({{"name", board.name}, {"surface", nullptr}});
+    }
+    out["frames"] = frames_json(scene, solution);
+    out["left_out"] = solution.left_out;
+    ordered_json inputs = ordered_json::array();
+    for (const InputFile& input : origin.inputs) {
+        inputs.push_back({{"path", input.path}, {"fnv1a64", input.digest}});
+    }
+    out["made_by"] = {{"program", "tessera-rig " TESSERA_VERSION},
+                      {"command", origin.command},
+                      {"inputs", inputs}};
+    return out;
+}
+
+}  // namespace rig

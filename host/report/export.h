@@ -1,0 +1,20 @@
+// The result as files of others and of our own.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "host/report/statistics.h"
+
+namespace rig {
+
+// Where a result came from. The output's place is left out, so that the same input gives the same bytes.
+struct Origin {
+    std::string command;
+    std::vector<InputFile> inputs;
+};
+
+// rig.json: the keys that users rely on, and below them what the summary is made of.
+nlohmann::ordered_json rig_json(const Scene& scene, const Solution& solution,
+                                const Statistics& statistics, const Origin& origin);
+
+}  // namespace rig
