@@ -5,6 +5,30 @@ host_SRC := \
   host/net/listener.cc \
   host/journal/journal_reader.cc \
   host/journal/journal_writer.cc \
+  host/base/csv.cc \
+  host/base/pose.cc \
+  host/base/whole_file.cc \
+  host/model/camera.cc \
+  host/model/camera_unproject.cc \
+  host/obs/scene.cc \
+  host/obs/target_board.cc \
+  host/solve/bundle.cc \
+  host/solve/circle_centre.cc \
+  host/solve/facing.cc \
+  host/solve/intrinsics.cc \
+  host/solve/pose_graph.cc \
+  host/solve/refine.cc \
+  host/solve/residuals.cc \
+  host/solve/rig.cc \
+  host/solve/seed_opencv.cc \
+  host/solve/uncertainty.cc \
+  host/solve/views.cc \
+  host/report/export.cc \
+  host/report/export_opencv.cc \
+  host/report/picture.cc \
+  host/report/rig_file.cc \
+  host/report/statistics.cc \
+  host/report/summary.cc \
 
 $(eval $(call library,host))
 
@@ -18,5 +42,9 @@ tessera-rig_SRC := \
   host/rig/announce.cc \
   host/rig/receiver.cc \
   host/rig/cmd_journal.cc \
+  host/rig/cmd_solve.cc \
+  host/rig/cmd_project.cc \
+  host/rig/cmd_report.cc \
+  host/rig/cmd_export.cc \
 
 $(eval $(call program,tessera-rig))

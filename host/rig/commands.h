@@ -10,6 +10,11 @@ namespace rig {
 
 void add_receive(CLI::App& app);
 void add_journal(CLI::App& app);
+void add_solve(CLI::App& app);
+void add_project(CLI::App& app);
+void add_unproject(CLI::App& app);
+void add_report(CLI::App& app);
+void add_export(CLI::App& app);
 
 // Ends a subcommand's callback: a failure's sentence goes to standard error, and the exit status
 // becomes 1.

@@ -23,6 +23,11 @@ int main(int argc, char** argv) {
   try {
     rig::add_receive(app);
     rig::add_journal(app);
+    rig::add_solve(app);
+    rig::add_report(app);
+    rig::add_export(app);
+    rig::add_project(app);
+    rig::add_unproject(app);
     app.parse(argc, argv);
   } catch (const CLI::RuntimeError& error) {
     return error.get_exit_code();

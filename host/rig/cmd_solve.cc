@@ -1,0 +1,125 @@
+// tessera-rig solve: from observations to a calibrated rig.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "host/base/whole_file.h"
+#include "host/obs/scene.h"
+#include "host/report/export.h"
+#include "host/report/picture.h"
+#include "host/report/summary.h"
+#include "host/rig/commands.h"
+#include "host/solve/rig.h"
+
+namespace rig {
+namespace {
+
+struct SolveArguments {
+    std::vector<std::string> inputs;
+    std::vector<std::string> targets;
+    std::string out;
+    std::string model = "brown";
+    bool partial = false;
+};
+
+void say(const std::string& line)
+{
+    std::fprintf(stderr, "%s\n", line.c_str());
+}
+
+// Options as given, without the output's place.
+Origin origin_of(const SolveArguments& arguments, const Scene& scene)
+{
+    Origin origin{"tessera-rig solve", scene.inputs};
+    for (const std::string& input : arguments.inputs) {
+        origin.command += " " + input;
+    }
+    for (const std::string& target : arguments.targets) {
+        origin.command += " --target " + target;
+    }
+    origin.command += " --model " + arguments.model + (arguments.partial ? " --partial" : "");
+    return origin;
+}
+
+Result<Scene> read_input(const SolveArguments& arguments)
+{
+    if (arguments.inputs.size() == 1 && std::filesystem::is_directory(arguments.inputs[0])) {
+        if (!arguments.targets.empty()) {
+            return Status::failure("an observation folder names its targets itself in scene.json; leave "
+                                   "--target out");
+        }
+        return read_scene(arguments.inputs[0]);
+    }
+    return Status::failure("cannot open folder " + arguments.inputs[0]);
+}
+
+Status write_result(const SolveArguments& arguments, const Scene& scene, const Solution& solution)
+{
+    const std::filesystem::path folder = arguments.out;
+    std::error_code fault;
+    std::filesystem::create_directories(folder, fault);
+    if (fault) {
+        return Status::failure("cannot make folder " + arguments.out + ": " + fault.message());
+    }
+    const Statistics statistics = make_statistics(scene, solution);
+    const nlohmann::ordered_json rig =
+        rig_json(scene, solution, statistics, origin_of(arguments, scene));
+    Result<std::string> summary = summary_text(rig, "rig.json");
+    if (!summary.ok()) {
+        return summary.status();
+    }
+    Status status = write_whole_file((folder / "rig.json").string(), rig.dump(2) + "\n");
+    if (status.ok()) {
+        status = write_whole_file((folder / "summary.txt").string(), summary.value());
+    }
+    for (std::size_t i = 0; i < solution.cameras.size() && status.ok(); ++i) {
+        const SceneCamera& camera = scene.cameras[static_cast<std::size_t>(solution.cameras[i])];
+        status = write_whole_file((folder / ("residuals-" + camera.name + ".png")).string(),
+                                  residual_png(scene, solution, statistics, i));
+    }
+    if (status.ok()) {
+        std::fputs(summary.value().c_str(), stdout);
+        say(fmt::format("wrote {0}/rig.json, {0}/summary.txt and {0}/residuals-*.png", arguments.out));
+    }
+    return status;
+}
+
+Status solve(const SolveArguments& arguments)
+{
+    Result<Scene> scene = read_input(arguments);
+    if (!scene.ok()) {
+        return scene.status();
+    }
+    say(fmt::format("read {} observations of {} cameras", scene.value().observations.size(),
+                    scene.value().cameras.size()));
+    SolveOptions options;
+    options.model = *camera_model_from_name(arguments.model);
+    options.partial = arguments.partial;
+    Result<Solution> solution = solve_rig(scene.value(), options, say);
+    if (!solution.ok()) {
+        return solution.status();
+    }
+    return write_result(arguments, scene.value(), solution.value());
+}
+
+}  // namespace
+
+void add_solve(CLI::App& app)
+{
+    auto arguments = std::make_shared<SolveArguments>();
+    CLI::App* command = app.add_subcommand("solve", "Calibrate the rig from journals or observations");
+    command->add_option("INPUT", arguments->inputs, "An observation folder, or journals")->required();
+    command->add_option("--target", arguments->targets, "Target file of the journals; may be repeated");
+    command->add_option("--out", arguments->out, "Folder for rig.json, summary.txt and pictures")
+        ->required();
+    command->add_option("--model", arguments->model, "Lens model of all cameras")
+        ->check(CLI::IsMember({"brown", "rational", "thin-prism", "fisheye"}))
+        ->capture_default_str();
+    command->add_flag("--partial", arguments->partial,
+                      "Solve the largest connected part when not all cameras are connected");
+    command->callback([arguments] { finish(solve(*arguments)); });
+}
+
+}  // namespace rig
