@@ -16,6 +16,7 @@ detect_SRC := \
   firmware/detect/patches.c \
   firmware/detect/profile_table.c \
   firmware/detect/refine.c \
+  firmware/detect/lattice.c \
   firmware/detect/packet.c \
   firmware/app/pipeline.c \
 

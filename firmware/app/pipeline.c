@@ -44,6 +44,7 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
     patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
     refine_init(&pipeline->refine, arena, &settings->patches,
                 pipeline->steer.taps->sigma_px_q16, width_px);
+    lattice_init(&pipeline->lattice, arena);
     packet_init(&pipeline->packet, arena, width_px, height_px);
 }
 
@@ -94,6 +95,8 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
                    patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
     patches_decode(&pipeline->marks, &pipeline->patches);
     refine_marks(&pipeline->refine, frame, &pipeline->patches, &pipeline->marks);
+    lattice_extend(&pipeline->lattice, &pipeline->refine, frame, &pipeline->patches,
+                   &pipeline->marks);
 }
 
 uint16_t pipeline_truncated(const struct pipeline *pipeline)
@@ -102,6 +105,7 @@ uint16_t pipeline_truncated(const struct pipeline *pipeline)
     bits |= pipeline->chains.truncated ? (unsigned)WIRE_TRUNCATED_EDGES : 0u;
     bits |= pipeline->ellipses.arcs.truncated ? (unsigned)WIRE_TRUNCATED_CHAINS : 0u;
     bits |= pipeline->ellipses.truncated ? (unsigned)WIRE_TRUNCATED_ELLIPSES : 0u;
+    bits |= pipeline->lattice.truncated ? (unsigned)WIRE_TRUNCATED_MARKS : 0u;
     bits |= pipeline->patches.truncated ? (unsigned)WIRE_TRUNCATED_PATCHES : 0u;
     return (uint16_t)bits;
 }

@@ -5,6 +5,7 @@
 
 #include "firmware/detect/chains.h"
 #include "firmware/detect/ellipses.h"
+#include "firmware/detect/lattice.h"
 #include "firmware/detect/marks.h"
 #include "firmware/detect/packet.h"
 #include "firmware/detect/patches.h"
@@ -30,6 +31,7 @@ struct pipeline {
     struct marks     marks;
     struct patches   patches;
     struct refine    refine;
+    struct lattice   lattice;
     struct packet    packet;
 };
 

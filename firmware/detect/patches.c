@@ -48,7 +48,8 @@ void patches_init(struct patches *patches, struct arena *arena,
 {
     patches->settings = *settings;
     const uint32_t marks = limit_ellipses(width, height);
-    patches->size = marks / LAYOUT_FEATURES_LEVEL2 + 1;
+    /* Whole patches, and as many again and some that are seen in part. */
+    patches->size = 2 * (marks / LAYOUT_FEATURES_LEVEL2) + 64;
     patches->size = patches->size > LIMIT_PATCHES ? LIMIT_PATCHES : patches->size;
     patches->at = arena_take(arena, patches->size, sizeof(struct patch));
     patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
@@ -412,6 +413,26 @@ static void drop_claimed_twice(struct patches *patches)
     patches->count = kept;
 }
 
+uint32_t patches_add_empty(struct patches *patches, uint16_t id)
+{
+    if (patches->count == patches->size) {
+        patches->truncated = true;
+        return MARKS_NONE;
+    }
+    struct patch *patch = &patches->at[patches->count];
+    patch->id = id;
+    patch->feature_count = 0;
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        patch->marks[i] = MARKS_NONE;
+    }
+    return patches->count++;
+}
+
+void patches_sort(struct patches *patches)
+{
+    sort_by_id(patches->at, patches->count);
+}
+
 void patches_decode(const struct marks *marks, struct patches *patches)
 {
     struct trial trial = {.marks = marks, .neighbours = patches->neighbours};
@@ -444,6 +465,6 @@ void patches_decode(const struct marks *marks, struct patches *patches)
             break;
         }
     }
-    sort_by_id(patches->at, patches->count);
+    patches_sort(patches);
     drop_claimed_twice(patches);
 }

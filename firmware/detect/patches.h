@@ -70,4 +70,10 @@ void patches_init(struct patches *patches, struct arena *arena,
 
 void patches_decode(const struct marks *marks, struct patches *patches);
 
+/* Adds a patch without features at the end of the list; its index, or MARKS_NONE when there is no room. */
+uint32_t patches_add_empty(struct patches *patches, uint16_t id);
+
+/* Brings the list back to the order of ids. */
+void patches_sort(struct patches *patches);
+
 #endif

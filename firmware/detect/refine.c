@@ -19,6 +19,11 @@
 #define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
 #define FINE_BITS         6
+/* Noise over contrast that counts: so many times the frame's median, and a little for small circles
+ * whose neighbours' edges reach into their band. */
+#define NOISE_BINS        128u
+#define NOISE_SHARE       2u
+#define NOISE_SLACK_Q16   2600u /* 0.04 */
 #define REST_LIMIT_Q30    ((int64_t)2 << 30)
 
 /* One feature under refinement. */
@@ -263,7 +268,7 @@ static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWN
 /* sigma^2 = m^2 / c^2 s^2 / R^2 trace(B N^-1 B') / (2 n), m^2 the pixels' variance. noise_q52 is m^2
  * on the fine scale. */
 static bool find_sigma(const struct view *view, const struct normal *sum,
-                       const struct smallsolve *factored, int64_t noise_q52, uint32_t *sigma_px_q20)
+                       const struct smallsolve *factored, int64_t noise_q52, struct mark *mark)
 {
     int64_t for_x_q30[UNKNOWNS] = {(int64_t)1 << 30};
     int64_t for_y_q30[UNKNOWNS] = {0, (int64_t)1 << 30};
@@ -286,7 +291,8 @@ static bool find_sigma(const struct view *view, const struct normal *sum,
     const uint64_t spread_q24 = root_u64(((uint64_t)trace_q16 << 32) / (2u * sum->count));
     const uint64_t sigma_q20 =
         (((ratio_q30 * spread_q24) >> 20) * (uint64_t)view->blur_px_q16) >> 30;
-    *sigma_px_q20 = (uint32_t)(sigma_q20 > UINT32_MAX ? UINT32_MAX : sigma_q20);
+    mark->sigma_px_q20 = (uint32_t)(sigma_q20 > UINT32_MAX ? UINT32_MAX : sigma_q20);
+    mark->noise_q16 = fx_saturate_u16((int64_t)(ratio_q30 >> 14));
     return true;
 }
 
@@ -353,64 +359,134 @@ static bool estimate_blur(const struct refine *refine, const struct frame_view *
     return true;
 }
 
-/* Two passes over the pixels. False leaves the mark as it was. */
-static bool refine_mark(const struct refine *refine, const struct frame_view *frame,
-                        struct mark *mark)
+/* Two passes over the pixels, from the blur in *view on. False leaves the mark as it was. */
+static bool fit_view(const struct refine *refine, const struct frame_view *frame,
+                     struct view *view, struct mark *mark)
 {
-    struct view view = {.ellipse = mark->ellipse};
-    view.gap_q16 = ((int64_t)1 << 32) / refine->circle_ratio_q16 - 65536;
-    if (!prepare_view(&view) || !estimate_blur(refine, frame, mark, &view)) {
-        return false;
-    }
-    uint32_t sigma_px_q20 = 0;
+    struct mark fitted = *mark;
     for (unsigned pass = 0; pass < 2; pass++) {
         struct normal sum = {.count = 0};
         struct smallsolve factored = {.size = UNKNOWNS};
         int64_t solution_q30[UNKNOWNS];
-        gather_pixels(refine, frame, &view, &sum);
+        gather_pixels(refine, frame, view, &sum);
         if (!solve_pixels(&sum, &factored, solution_q30)) {
             return false;
         }
-        int64_t scale_q30 = view.contrast_q30 * (1 << FINE_BITS);
-        if (!view.fine) {
-            view.level_q30 = solution_q30[AT_LEVEL];
-            view.contrast_q30 = solution_q30[AT_CONTRAST];
-            scale_q30 = view.contrast_q30;
-            view.fine = true;
+        int64_t scale_q30 = view->contrast_q30 * (1 << FINE_BITS);
+        if (!view->fine) {
+            view->level_q30 = solution_q30[AT_LEVEL];
+            view->contrast_q30 = solution_q30[AT_CONTRAST];
+            scale_q30 = view->contrast_q30;
+            view->fine = true;
             /* Bright inside is positive contrast; anything else is another edge. */
             if (fx_abs_i64(scale_q30) < CONTRAST_MIN_Q30 || (scale_q30 > 0) != mark->white) {
                 return false;
             }
-        } else if (!find_sigma(&view, &sum, &factored, left_over_q52(&sum, solution_q30),
-                               &sigma_px_q20)) {
+        } else if (!find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30),
+                               &fitted)) {
             return false;
         }
-        if (!apply_solution(&view, solution_q30, scale_q30)) {
+        if (!apply_solution(view, solution_q30, scale_q30)) {
             return false;
         }
     }
-    mark->ellipse = view.ellipse;
-    mark->size_px_q16 = view.size_px_q16;
-    mark->sigma_px_q20 = sigma_px_q20;
+    fitted.ellipse = view->ellipse;
+    fitted.size_px_q16 = view->size_px_q16;
+    *mark = fitted;
     return true;
 }
 
-void refine_marks(struct refine *refine, const struct frame_view *frame,
-                  const struct patches *patches, struct marks *marks)
+static bool start_view(const struct refine *refine, const struct mark *mark, struct view *view)
 {
-    refine->refined = 0;
-    refine->kept = 0;
+    *view = (struct view){
+        .ellipse = mark->ellipse,
+        .gap_q16 = ((int64_t)1 << 32) / refine->circle_ratio_q16 - 65536,
+    };
+    return prepare_view(view);
+}
+
+bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
+                      struct mark *mark)
+{
+    struct view view;
+    if (refine->blur_px_q16 == 0 || !start_view(refine, mark, &view)) {
+        return false;
+    }
+    view.blur_px_q16 = refine->blur_px_q16;
+    struct mark fitted = *mark;
+    if (!fit_view(refine, frame, &view, &fitted) || fitted.noise_q16 > refine->noise_max_q16) {
+        return false;
+    }
+    *mark = fitted;
+    return true;
+}
+
+/* The value that half of the counted ones do not exceed. */
+static uint32_t median_bin(const uint32_t bins[NOISE_BINS], uint32_t count)
+{
+    uint32_t below = 0;
+    for (uint32_t bin = 0; bin < NOISE_BINS; bin++) {
+        below += bins[bin];
+        if (2 * below >= count) {
+            return bin;
+        }
+    }
+    return NOISE_BINS - 1;
+}
+
+/* Visits every named mark: `step` 0 refines, 1 takes out what is too noisy. */
+static void visit_marks(struct refine *refine, const struct frame_view *frame,
+                        struct patches *patches, struct marks *marks, unsigned step,
+                        uint32_t bins[NOISE_BINS], int64_t *blur_sum_q16)
+{
     for (uint32_t i = 0; i < patches->count; i++) {
+        struct patch *patch = &patches->at[i];
         for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {
-            const uint32_t index = patches->at[i].marks[feature];
+            const uint32_t index = patch->marks[feature];
             if (index == MARKS_NONE) {
                 continue;
             }
-            if (refine_mark(refine, frame, &marks->at[index])) {
-                refine->refined++;
+            struct mark *mark = &marks->at[index];
+            bool good;
+            if (step == 0) {
+                struct view view;
+                good = start_view(refine, mark, &view) &&
+                       estimate_blur(refine, frame, mark, &view) &&
+                       fit_view(refine, frame, &view, mark);
+                if (good) {
+                    refine->refined++;
+                    bins[mark->noise_q16 / (65536u / NOISE_BINS)]++;
+                    *blur_sum_q16 += view.blur_px_q16;
+                }
             } else {
-                refine->kept++;
+                good = mark->noise_q16 <= refine->noise_max_q16;
+            }
+            if (!good) {
+                patch->marks[feature] = MARKS_NONE;
+                patch->feature_count--;
+                refine->refused++;
             }
         }
     }
+}
+
+void refine_marks(struct refine *refine, const struct frame_view *frame, struct patches *patches,
+                  struct marks *marks)
+{
+    uint32_t bins[NOISE_BINS] = {0};
+    int64_t blur_sum_q16 = 0;
+    refine->refined = 0;
+    refine->refused = 0;
+    refine->blur_px_q16 = 0;
+    refine->noise_max_q16 = 0;
+    visit_marks(refine, frame, patches, marks, 0, bins, &blur_sum_q16);
+    if (refine->refined == 0) {
+        return;
+    }
+    refine->blur_px_q16 = (int32_t)(blur_sum_q16 / refine->refined);
+    /* A circle with a tenth of its rim covered leaves a residual of 0.3 of its contrast. */
+    refine->noise_max_q16 =
+        NOISE_SHARE * (median_bin(bins, refine->refined) + 1) * (65536u / NOISE_BINS) +
+        NOISE_SLACK_Q16;
+    visit_marks(refine, frame, patches, marks, 1, bins, &blur_sum_q16);
 }

@@ -32,16 +32,24 @@ struct refine {
     int64_t   peak_base_q15;     /* g = base + swing exp(-rho^2 / 2 sigma^2) */
     int64_t   peak_swing_q15;
     int64_t   peak_over_q16;     /* 1 / sigma */
+    int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
+    uint32_t  noise_max_q16;     /* largest noise over contrast that counts          */
     uint32_t  refined;           /* counters of the frame */
-    uint32_t  kept;              /* features whose fit was refused: the first ellipse stays */
+    uint32_t  refused;
 };
 
 void refine_init(struct refine *refine, struct arena *arena,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
                  unsigned width);
 
-/* Improves the marks that the patches name: ellipse, size and sigma. */
-void refine_marks(struct refine *refine, const struct frame_view *frame,
-                  const struct patches *patches, struct marks *marks);
+/* Improves the marks that the patches name: ellipse, size and sigma. A circle whose pixels do not look as
+ * they should (something covers a part of it, another edge) is taken out of its patch. */
+void refine_marks(struct refine *refine, const struct frame_view *frame, struct patches *patches,
+                  struct marks *marks);
+
+/* The same for one mark whose ellipse is a prediction, by the frame's typical blur and noise: ellipse, colour and
+ * size must be set. False where there is no such circle; *mark is then unchanged. After refine_marks. */
+bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
+                      struct mark *mark);
 
 #endif
