@@ -10,6 +10,8 @@ host_SRC := \
   host/base/whole_file.cc \
   host/model/camera.cc \
   host/model/camera_unproject.cc \
+  host/assoc/instants.cc \
+  host/obs/observe.cc \
   host/obs/scene.cc \
   host/obs/target_board.cc \
   host/solve/bundle.cc \

@@ -176,7 +176,7 @@ Result<std::vector<Board>> read_boards(const json& list, const std::string& path
         const std::string file = (folder / entry[key].get<std::string>()).string();
         Board board;
         if (is_target) {
-            Result<Board> read = read_target_board(file);
+            Result<Board> read = read_target_board(file, nullptr);
             if (!read.ok()) {
                 return read.status();
             }

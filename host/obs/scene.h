@@ -13,7 +13,8 @@ namespace rig {
 Result<Scene> read_scene(const std::string& folder);
 
 // A Tessera target as a board. The name is the file's own, or the file's path without one.
-Result<Board> read_target_board(const std::string& path);
+// digest (may be null) gets what names the pattern in packets.
+Result<Board> read_target_board(const std::string& path, std::uint64_t* digest);
 
 // Sorts by camera, frame, board and point: the one order in which everything later is summed.
 void sort_observations(std::vector<Observation>* observations);

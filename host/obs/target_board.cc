@@ -10,7 +10,7 @@
 
 namespace rig {
 
-Result<Board> read_target_board(const std::string& path)
+Result<Board> read_target_board(const std::string& path, std::uint64_t* digest)
 {
     const auto file = std::make_unique<targetfile>();
     char error[TARGETFILE_ERROR_BYTES];
@@ -18,6 +18,9 @@ Result<Board> read_target_board(const std::string& path)
         return Status::failure(error);
     }
     const target& pattern = file->target;
+    if (digest != nullptr) {
+        *digest = target_digest(&file->target);
+    }
     Board board;
     board.name = pattern.name[0] != '\0' ? pattern.name : path;
     board.faces_minus_z = true;

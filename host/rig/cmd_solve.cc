@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "host/base/whole_file.h"
+#include "host/obs/observe.h"
 #include "host/obs/scene.h"
 #include "host/report/export.h"
 #include "host/report/picture.h"
@@ -21,6 +22,7 @@ struct SolveArguments {
     std::vector<std::string> targets;
     std::string out;
     std::string model = "brown";
+    double tolerance_us = -1.0;
     bool partial = false;
 };
 
@@ -39,6 +41,9 @@ Origin origin_of(const SolveArguments& arguments, const Scene& scene)
     for (const std::string& target : arguments.targets) {
         origin.command += " --target " + target;
     }
+    if (arguments.tolerance_us >= 0.0) {
+        origin.command += fmt::format(" --sync-tolerance-us {}", arguments.tolerance_us);
+    }
     origin.command += " --model " + arguments.model + (arguments.partial ? " --partial" : "");
     return origin;
 }
@@ -52,7 +57,18 @@ Result<Scene> read_input(const SolveArguments& arguments)
         }
         return read_scene(arguments.inputs[0]);
     }
-    return Status::failure("cannot open folder " + arguments.inputs[0]);
+    std::error_code fault;
+    if (!std::filesystem::exists(arguments.inputs[0], fault)) {
+        return Status::failure("cannot open " + arguments.inputs[0] + ": there is no such file or folder");
+    }
+    if (arguments.targets.empty()) {
+        return Status::failure("journals need the target that the cameras saw: give it with --target");
+    }
+    ObserveOptions options;
+    options.tolerance_ns = arguments.tolerance_us < 0.0
+                               ? -1
+                               : static_cast<std::int64_t>(1000.0 * arguments.tolerance_us);
+    return observe(arguments.inputs, arguments.targets, options);
 }
 
 Status write_result(const SolveArguments& arguments, const Scene& scene, const Solution& solution)
@@ -117,6 +133,10 @@ void add_solve(CLI::App& app)
     command->add_option("--model", arguments->model, "Lens model of all cameras")
         ->check(CLI::IsMember({"brown", "rational", "thin-prism", "fisheye"}))
         ->capture_default_str();
+    command->add_option("--sync-tolerance-us", arguments->tolerance_us,
+                        "Captures of journals this close make one instant; a tenth of the frame interval "
+                        "where not given")
+        ->check(CLI::Range(0.0, 1e9));
     command->add_flag("--partial", arguments->partial,
                       "Solve the largest connected part when not all cameras are connected");
     command->callback([arguments] { finish(solve(*arguments)); });
