@@ -31,6 +31,7 @@ firmware_SRC := \
   firmware/net/sock_sys_linux.c \
   firmware/app/camera_options.c \
   firmware/app/detector_options.c \
+  firmware/app/dsp_choice.c \
   firmware/app/image_file.c \
 
 $(eval $(call library,firmware))

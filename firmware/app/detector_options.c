@@ -5,9 +5,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "firmware/app/dsp_choice.h"
+
 void detector_options_init(struct detector_options *options)
 {
     options->settings = pipeline_defaults();
+    options->settings.dsp = dsp_choice_at(0);
     options->has_target = false;
 }
 
@@ -60,6 +63,14 @@ bool detector_options_take(struct detector_options *options, int option, const c
             return false;
         }
         settings->patches.circle_ratio_q16 = (uint32_t)lround(number * 65536);
+        return true;
+    case DETECTOR_OPTION_DSP:
+        settings->dsp = dsp_choice_find(value);
+        if (settings->dsp == NULL) {
+            (void)snprintf(error, TARGETFILE_ERROR_BYTES,
+                           "--dsp %s: this machine runs best, %s", value, dsp_choice_names());
+            return false;
+        }
         return true;
     default:
         (void)snprintf(error, TARGETFILE_ERROR_BYTES, "no such option");

@@ -15,6 +15,7 @@ enum {
     DETECTOR_OPTION_GRADIENT,
     DETECTOR_OPTION_LEVELS,
     DETECTOR_OPTION_CIRCLE_RATIO,
+    DETECTOR_OPTION_DSP,
 };
 
 #define DETECTOR_OPTIONS                                                                           \
@@ -22,7 +23,8 @@ enum {
         {"kernel", required_argument, NULL, DETECTOR_OPTION_KERNEL},                               \
         {"gradient-min", required_argument, NULL, DETECTOR_OPTION_GRADIENT},                       \
         {"levels", required_argument, NULL, DETECTOR_OPTION_LEVELS},                               \
-        {"circle-ratio", required_argument, NULL, DETECTOR_OPTION_CIRCLE_RATIO}
+        {"circle-ratio", required_argument, NULL, DETECTOR_OPTION_CIRCLE_RATIO},                       \
+        {"dsp", required_argument, NULL, DETECTOR_OPTION_DSP}
 
 #define DETECTOR_OPTIONS_HELP                                                                      \
     "  --target FILE        target file; without it ids are decoded and not checked\n"             \
@@ -30,7 +32,9 @@ enum {
     "  --gradient-min G     weakest edge, grey levels (of 256) a pixel, 0.5 to 100 (default 2.5)\n" \
     "  --levels N           levels of the target, 2 or 3, where no file says so (default 2)\n"     \
     "  --circle-ratio R     circle over incircle radius, 0.05 to 1, where no file says so\n"       \
-    "                       (default 0.5)\n"
+    "                       (default 0.5)\n"                                                       \
+    "  --dsp NAME           row kernels: best, avx2, sse2, neon or scalar, as the processor has;\n"    \
+    "                       all give the same result (default best)\n"
 
 struct detector_options {
     struct pipeline_settings settings;

@@ -13,6 +13,7 @@ struct pipeline_settings pipeline_defaults(void)
         .gradient_min_q3 = 320, /* 2.5 grey levels a pixel: three times the noise of a bad camera */
         .patches = {.levels = 2, .circle_ratio_q16 = 32768, .edge_level_q16 = 52429,
                     .gauss_sigma_q16 = 26214, .target = NULL},
+        .dsp = &dsp_scalar,
     };
 }
 
@@ -33,7 +34,7 @@ uint64_t pipeline_settings_digest(const struct pipeline_settings *settings)
 static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t width_px,
                         uint16_t height_px, const struct pipeline_settings *settings)
 {
-    steer_init(&pipeline->steer, arena, &dsp_scalar, settings->kernel_radius_px,
+    steer_init(&pipeline->steer, arena, settings->dsp, settings->kernel_radius_px,
                settings->gradient_min_q3, width_px, height_px);
     edges_init(&pipeline->edges, arena, width_px);
     chains_init(&pipeline->chains, arena, width_px, height_px);
@@ -66,12 +67,27 @@ void pipeline_init(struct pipeline *pipeline, void *memory, size_t bytes, uint16
     pipeline->settings = *settings;
     pipeline->width_px = width_px;
     pipeline->height_px = height_px;
+    pipeline->clock = NULL;
     deal_memory(pipeline, &arena, width_px, height_px, settings);
+}
+
+/* Books the time since *since on a stage. */
+static void book(struct pipeline *pipeline, enum pipeline_stage stage, uint64_t *since)
+{
+    if (pipeline->clock != NULL) {
+        const uint64_t now = pipeline->clock();
+        pipeline->spent[stage] += now - *since;
+        *since = now;
+    }
 }
 
 void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
 {
     assert(frame->width_px == pipeline->width_px && frame->height_px == pipeline->height_px);
+    for (unsigned stage = 0; stage < PIPELINE_STAGES; stage++) {
+        pipeline->spent[stage] = 0;
+    }
+    uint64_t since = pipeline->clock != NULL ? pipeline->clock() : 0;
     steer_begin(&pipeline->steer);
     chains_begin(&pipeline->chains);
     ellipses_begin(&pipeline->ellipses);
@@ -79,11 +95,15 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
     const struct dsp_gradient *above = NULL;
     for (uint16_t y = 0; y < frame->height_px; y++) {
         const struct dsp_gradient *row = steer_row(&pipeline->steer, frame, y);
+        book(pipeline, PIPELINE_STEER, &since);
         edges_scan_row(above, row, y, frame->width_px, &pipeline->edges);
+        book(pipeline, PIPELINE_EDGES, &since);
         chains_link_row(&pipeline->chains, &pipeline->edges, y == 0);
+        book(pipeline, PIPELINE_CHAINS, &since);
         while (chains_take(&pipeline->chains, ELLIPSES_POINTS_MIN, &pipeline->contour)) {
             ellipses_add(&pipeline->ellipses, &pipeline->contour);
         }
+        book(pipeline, PIPELINE_ELLIPSES, &since);
         above = row;
     }
     chains_end(&pipeline->chains);
@@ -91,12 +111,24 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
         ellipses_add(&pipeline->ellipses, &pipeline->contour);
     }
     ellipses_end(&pipeline->ellipses);
+    book(pipeline, PIPELINE_ELLIPSES, &since);
     marks_classify(&pipeline->ellipses, pipeline->steer.taps->sigma_px_q16,
                    patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
+    book(pipeline, PIPELINE_MARKS, &since);
     patches_decode(&pipeline->marks, &pipeline->patches);
+    book(pipeline, PIPELINE_PATCHES, &since);
     refine_marks(&pipeline->refine, frame, &pipeline->patches, &pipeline->marks);
+    book(pipeline, PIPELINE_REFINE, &since);
     lattice_extend(&pipeline->lattice, &pipeline->refine, frame, &pipeline->patches,
                    &pipeline->marks);
+    book(pipeline, PIPELINE_LATTICE, &since);
+}
+
+const char *pipeline_stage_name(enum pipeline_stage stage)
+{
+    static const char *const names[PIPELINE_STAGES] = {"steer", "edges", "chains", "ellipses",
+                                                       "marks", "patches", "refine", "lattice"};
+    return names[stage];
 }
 
 uint16_t pipeline_truncated(const struct pipeline *pipeline)

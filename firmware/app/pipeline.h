@@ -17,6 +17,21 @@ struct pipeline_settings {
     uint8_t                 kernel_radius_px; /* 2..5: filter size 2 r + 1, sigma r / 3 px           */
     uint32_t                gradient_min_q3;  /* weakest edge, in 1/128 grey level (of 256) a pixel */
     struct patches_settings patches;
+    /* The row kernels; every variant gives the same bits, so the settings' digest leaves it out. */
+    const struct dsp_kernels *dsp;
+};
+
+/* The stages whose time can be watched. */
+enum pipeline_stage {
+    PIPELINE_STEER,
+    PIPELINE_EDGES,
+    PIPELINE_CHAINS,
+    PIPELINE_ELLIPSES,
+    PIPELINE_MARKS,
+    PIPELINE_PATCHES,
+    PIPELINE_REFINE,
+    PIPELINE_LATTICE,
+    PIPELINE_STAGES,
 };
 
 struct pipeline {
@@ -33,6 +48,9 @@ struct pipeline {
     struct refine    refine;
     struct lattice   lattice;
     struct packet    packet;
+    /* Set by a program that wants to know where the time goes: its clock, read between the stages. */
+    uint64_t       (*clock)(void);            /* NULL: nothing is timed                     */
+    uint64_t         spent[PIPELINE_STAGES];  /* in the last frame, in the clock's units    */
 };
 
 struct pipeline_settings pipeline_defaults(void);
@@ -50,6 +68,8 @@ void pipeline_init(struct pipeline *pipeline, void *memory, size_t bytes, uint16
 
 /* Finds the marks and patches of one frame of that size. */
 void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame);
+
+const char *pipeline_stage_name(enum pipeline_stage stage);
 
 /* The lists that were full in the last frame: WIRE_TRUNCATED_... bits. */
 uint16_t pipeline_truncated(const struct pipeline *pipeline);

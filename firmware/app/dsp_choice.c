@@ -1,0 +1,47 @@
+/* The processor is asked here, outside of the core. */
+#include "firmware/app/dsp_choice.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define CHOICES_MAX 4u
+
+/* Fills `out`, best first; their number. */
+static unsigned list_choices(const struct dsp_kernels *out[CHOICES_MAX])
+{
+    unsigned count = 0;
+    out[count++] = &dsp_scalar;
+    return count;
+}
+
+const struct dsp_kernels *dsp_choice_at(unsigned index)
+{
+    const struct dsp_kernels *choices[CHOICES_MAX];
+    return index < list_choices(choices) ? choices[index] : NULL;
+}
+
+const struct dsp_kernels *dsp_choice_find(const char *name)
+{
+    const struct dsp_kernels *choices[CHOICES_MAX];
+    const unsigned count = list_choices(choices);
+    for (unsigned i = 0; i < count; i++) {
+        if (strcmp(name, "best") == 0 || strcmp(name, choices[i]->name) == 0) {
+            return choices[i];
+        }
+    }
+    return NULL;
+}
+
+const char *dsp_choice_names(void)
+{
+    static char names[64];
+    const struct dsp_kernels *choices[CHOICES_MAX];
+    const unsigned count = list_choices(choices);
+    names[0] = '\0';
+    for (unsigned i = 0; i < count; i++) {
+        const size_t used = strlen(names);
+        (void)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
+                       choices[i]->name);
+    }
+    return names;
+}
