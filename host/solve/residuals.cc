@@ -4,7 +4,7 @@
 //     d p_cam / d v_cam   = -R_cam [p_rig]x J(v_cam)            d p_cam / d t_cam   = 1
 #include "host/solve/residuals.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -179,33 +179,25 @@ bool ViewCost::Evaluate(double const* const* parameters, double* residuals, doub
         compressed[count] = std::sqrt(quadratic.squares);
         return true;
     }
-    // Equilibrated first, so that one threshold tells which directions the view does not see.
+    // Equilibrated first, so that one threshold tells which directions the view does not see: six at
+    // least, because it cannot tell the camera's motion from the board's.
     const Eigen::MatrixXd normal = quadratic.normal.topLeftCorner(count, count);
     const Eigen::VectorXd scale =
         normal.diagonal().unaryExpr([](double d) { return d > 0.0 ? 1.0 / std::sqrt(d) : 0.0; });
-    const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * normal * scale.asDiagonal());
-    const Eigen::VectorXd pivots = factor.vectorD();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * normal
+                                                               * scale.asDiagonal());
     const Eigen::VectorXd roots =
-        pivots.unaryExpr([](double d) { return d > 1e-15 ? std::sqrt(d) : 0.0; });
-    const Eigen::MatrixXd lower = factor.matrixL();
-    const Eigen::VectorXd scaled_gradient = scale.cwiseProduct(quadratic.gradient.head(count));
-    Eigen::VectorXd folded = factor.transpositionsP() * scaled_gradient;
-    factor.matrixL().solveInPlace(folded);
+        eigen.eigenvalues().unaryExpr([](double d) { return d > 1e-15 ? std::sqrt(d) : 0.0; });
+    const Eigen::VectorXd folded =
+        eigen.eigenvectors().transpose() * scale.cwiseProduct(quadratic.gradient.head(count));
     for (int i = 0; i < count; ++i) {
         compressed[i] = roots[i] > 0.0 ? folded[i] / roots[i] : 0.0;
     }
     const double rest = quadratic.squares - compressed.head(count).squaredNorm();
     compressed[count] = std::sqrt(std::max(0.0, rest));
-    // Eigen's product of a matrix with transpositions from the right applies them in reverse.
-    const Eigen::MatrixXd permutation =
-        factor.transpositionsP() * Eigen::MatrixXd::Identity(count, count);
-    Eigen::MatrixXd root = roots.asDiagonal() * lower.transpose() * permutation;
+    Eigen::MatrixXd root = roots.asDiagonal() * eigen.eigenvectors().transpose();
     for (int i = 0; i < count; ++i) {
-        if (scale[i] > 0.0) {
-            root.col(i) /= scale[i];
-        } else {
-            root.col(i).setZero();
-        }
+        root.col(i) *= scale[i] > 0.0 ? 1.0 / scale[i] : 0.0;
     }
     int column = 0;
     for (std::size_t block = 0; block < parameter_block_sizes().size(); ++block) {

@@ -35,11 +35,11 @@ bool view_quadratic(const View& view, CameraModel model, const double* intrinsic
                     const double* cam_from_rig, const double* rig_from_board, double cauchy,
                     bool derive, ViewQuadratic* out);
 
-// A view as one Ceres block, already compressed. With the Cholesky factor R of the normal matrix and
-// the gradient g, the residual handed over is (R'^-1 g, rest), rest chosen so that its squared length
-// is the view's sum of squares. R, with a row of zeros below, is its Jacobian: cost, gradient and
-// Gauss-Newton matrix are those of the full block, in view_parameter_count + 1 rows instead of two a
-// point. Borrows the view.
+// A view as one Ceres block, already compressed. With a square root R of the normal matrix (R'R equals
+// it, by its eigenvectors) and the gradient g, the residual handed over is (R'^-1 g, rest), rest chosen
+// so that its squared length is the view's sum of squares. R, with a row of zeros below, is its
+// Jacobian: cost, gradient and Gauss-Newton matrix are those of the full block, in
+// view_parameter_count + 1 rows instead of two a point. Borrows the view.
 class ViewCost : public ceres::CostFunction {
 public:
     ViewCost(const View* view, CameraModel model, double cauchy);
