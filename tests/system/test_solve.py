@@ -252,7 +252,6 @@ def test_a_camera_joined_through_another_is_solved(tmp_path):
 def test_a_static_board_joins_cameras_through_its_one_pose(tmp_path):
     cameras, board, poses, rows = make(2, 14)
     # Board a moves, and each camera sees it in frames of its own; board b stands still.
-    still = np.array([[0.0, 0, 0], [0, 0, 0]])
     fixed = simulate.make_scene(cameras, board, [(np.eye(3), np.array([-300.0, -300, 1700]))] * 2, NOISE_PX)
     simulate.write_folder(tmp_path / "in", cameras, board, [])
     scene = json.loads((tmp_path / "in" / "scene.json").read_text())
@@ -266,7 +265,6 @@ def test_a_static_board_joins_cameras_through_its_one_pose(tmp_path):
         for c, frame, point, x, y, _ in fixed:
             if frame == c:
                 file.write(f"{c},{100 + frame},b,{point},{x:.6f},{y:.6f}\n")
-    assert still.any() == 0
     rig = solve(tmp_path / "in", tmp_path / "out")
     assert_recovered(rig, cameras)
 
