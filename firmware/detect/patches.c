@@ -8,7 +8,9 @@
 #include "common/fx/turn.h"
 #include "firmware/limits.h"
 
-#define NEIGHBOURS_MAX 256u
+/* Marks looked at around an anchor: a square of 2.3 patch sides holds 5.5 patches, and five times as many
+ * where the anchor's ellipse is as long as it may be; cut off where it holds more than four times. */
+#define NEIGHBOURS_MAX 2048u
 #define TURN_BINS      64u
 #define TURNS_TRIED    3u
 #define TERMS_MAX      6u
@@ -52,6 +54,7 @@ void patches_init(struct patches *patches, struct arena *arena,
     patches->size = 2 * (marks / LAYOUT_FEATURES_LEVEL2) + 64;
     patches->size = patches->size > LIMIT_PATCHES ? LIMIT_PATCHES : patches->size;
     patches->at = arena_take(arena, patches->size, sizeof(struct patch));
+    patches->near = arena_take(arena, NEIGHBOURS_MAX, sizeof(uint32_t));
     patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
 
     const unsigned features = layout_feature_count(settings->levels);
@@ -88,7 +91,7 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
     }
     int64_t reach_px_q16 = ((int64_t)major_px_q16 * reach_radii_q8) >> 8;
     reach_px_q16 += reach_px_q16 / 4;
-    uint32_t near[NEIGHBOURS_MAX];
+    uint32_t *near = patches->near;
     const uint32_t near_count =
         marks_near(marks, anchor->ellipse.x_px_q16, anchor->ellipse.y_px_q16,
                    (uint32_t)(reach_px_q16 > INT32_MAX ? INT32_MAX : reach_px_q16), near,
@@ -120,11 +123,13 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
     return trial->count + 1 >= LAYOUT_FEATURES_LEVEL2;
 }
 
-/* A size that differs by less than a factor of 1.5 from the expected one: large and small differ by two. */
-static bool size_fits(uint32_t radius_q20, uint32_t expected_q20)
+/* A size nearer to the expected one than to the next that may be near: large and small differ by two at
+ * two levels; a bit's circle and those beside it by 1.4 at three. */
+static bool size_fits(unsigned levels, uint32_t radius_q20, uint32_t expected_q20)
 {
-    return 2 * (uint64_t)radius_q20 <= 3 * (uint64_t)expected_q20 &&
-           3 * (uint64_t)radius_q20 >= 2 * (uint64_t)expected_q20;
+    const uint64_t more = levels == LAYOUT_LEVELS_MAX ? 6 : 3;
+    const uint64_t less = levels == LAYOUT_LEVELS_MAX ? 5 : 2;
+    return less * radius_q20 <= more * expected_q20 && more * radius_q20 >= less * expected_q20;
 }
 
 /* Fills turns[] with the most voted directions of the patch's u axis, best first. Two thirds of the
@@ -142,7 +147,7 @@ static unsigned vote_turns(const struct trial *trial, const struct patches *patc
         for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
             const struct patches_slot *slot = &patches->slots[i];
             if (fx_abs_i64(distance_q20 - slot->distance_q20) * 5 < slot->distance_q20 &&
-                size_fits(n->radius_q20, slot->radius_q20)) {
+                size_fits(patches->settings.levels, n->radius_q20, slot->radius_q20)) {
                 const uint16_t turn = (uint16_t)(direction - slot->direction_turn_q16);
                 const unsigned bin = turn / (65536u / TURN_BINS);
                 /* The vote reaches the two neighbours, for the turn need not be a bin's centre. */
@@ -204,6 +209,9 @@ static void apply_map(struct trial *trial, const struct patch_map *map)
 static unsigned match_features(struct trial *trial, const struct patches *patches, unsigned first,
                                unsigned last, int64_t near_q20)
 {
+    /* Within less than half their distance of each other the place alone tells features apart. */
+    const unsigned levels =
+        near_q20 > NEAR_LEVEL3_Q20 ? patches->settings.levels : (unsigned)LAYOUT_LEVELS_MIN;
     unsigned count = 0;
     for (unsigned i = first; i < last; i++) {
         const struct patches_slot *slot = &patches->slots[i];
@@ -214,7 +222,7 @@ static unsigned match_features(struct trial *trial, const struct patches *patche
             const int64_t du = (int64_t)n->u_q20 - slot->u_q20;
             const int64_t dv = (int64_t)n->v_q20 - slot->v_q20;
             const int64_t distance = du * du + dv * dv;
-            if (distance < best && size_fits(n->radius_q20, slot->radius_q20)) {
+            if (distance < best && size_fits(levels, n->radius_q20, slot->radius_q20)) {
                 best = distance;
                 trial->found[i] = j;
             }

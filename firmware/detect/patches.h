@@ -43,6 +43,7 @@ struct patches_neighbour {
 struct patches {
     struct patches_settings settings;
     struct patch           *at;          /* by rising id */
+    uint32_t            *near;           /* marks around the anchor at hand */
     struct patches_neighbour *neighbours;
     uint32_t                count;
     uint32_t                size;
