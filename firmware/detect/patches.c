@@ -8,14 +8,12 @@
 #include "common/fx/turn.h"
 #include "firmware/limits.h"
 
-/* Marks looked at around an anchor: a square of 2.3 patch sides holds 5.5 patches, and five times as many
+/* Marks looked at around an anchor: a square of 2.3 sides holds 5.5 patches, and five times as many
  * where the anchor's ellipse is as long as it may be; cut off where it holds more than four times. */
 #define NEIGHBOURS_MAX 2048u
 #define TURN_BINS      64u
 #define TURNS_TRIED    3u
 #define TERMS_MAX      6u
-/* The farthest feature of a patch is 0.70 sides from the anchor. */
-#define REACH_Q20 ((int64_t)(FX_Q(0.75, 20)))
 /* Features are at least 0.2 sides apart at two levels, 0.073 at three. */
 #define NEAR_FIRST_Q20  FX_Q(0.085, 20)
 #define NEAR_THEN_Q20   FX_Q(0.05, 20)
@@ -57,6 +55,7 @@ void patches_init(struct patches *patches, struct arena *arena,
     patches->near = arena_take(arena, NEIGHBOURS_MAX, sizeof(uint32_t));
     patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
 
+    patches->reach_q20 = 0;
     const unsigned features = layout_feature_count(settings->levels);
     const struct layout_feature *anchor = layout_feature(settings->levels, LAYOUT_ANCHOR);
     for (unsigned i = 0; i < features; i++) {
@@ -70,6 +69,9 @@ void patches_init(struct patches *patches, struct arena *arena,
         slot->direction_turn_q16 = turn_atan2_q16(v_q30, u_q30);
         slot->radius_q20 =
             (uint32_t)(((uint64_t)feature->inradius_q30 * settings->circle_ratio_q16) >> 26);
+        /* A little farther than the farthest feature, for perspective stretches. */
+        const uint32_t reach_q20 = slot->distance_q20 + slot->distance_q20 / 16;
+        patches->reach_q20 = reach_q20 > patches->reach_q20 ? reach_q20 : patches->reach_q20;
     }
 }
 
@@ -80,7 +82,7 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
     const struct mark *anchor = &marks->at[trial->anchor];
     trial->anchor_radius_q20 = patches->slots[LAYOUT_ANCHOR].radius_q20;
     /* Reach in anchor radii, and in pixels along the ellipse's larger axis. */
-    const int64_t reach_radii_q8 = (REACH_Q20 << 8) / trial->anchor_radius_q20;
+    const int64_t reach_radii_q8 = ((int64_t)patches->reach_q20 << 8) / trial->anchor_radius_q20;
     uint32_t major_px_q16;
     uint32_t minor_px_q16;
     uint16_t angle;

@@ -61,6 +61,7 @@ struct patches {
         uint32_t radius_q20;
         uint16_t direction_turn_q16;
     } slots[LAYOUT_FEATURES_MAX];
+    uint32_t reach_q20; /* how far from an anchor its features are looked for, in patch sides */
 };
 
 /* The large circle's radius over that of the bits' circles (the common features at three levels). */
