@@ -19,7 +19,7 @@ host_SRC := \
   host/solve/facing.cc \
   host/solve/intrinsics.cc \
   host/solve/pose_graph.cc \
-  host/solve/refine.cc \
+  host/solve/robust.cc \
   host/solve/residuals.cc \
   host/solve/rig.cc \
   host/solve/seed_opencv.cc \

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "host/solve/refine.h"
+#include "host/solve/robust.h"
 #include "host/solve/seed.h"
 
 namespace rig {

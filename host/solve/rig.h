@@ -5,7 +5,7 @@
 
 #include "host/base/status.h"
 #include "host/solve/intrinsics.h"
-#include "host/solve/refine.h"
+#include "host/solve/robust.h"
 
 namespace rig {
 

@@ -1,5 +1,5 @@
 // See refine.h.
-#include "host/solve/refine.h"
+#include "host/solve/robust.h"
 
 #include <algorithm>
 #include <cmath>
