@@ -22,6 +22,15 @@ detect_SRC := \
 
 $(eval $(call library,detect))
 
+# The row kernels' vector variants: integer arithmetic too, but in vector registers.
+vector_SRC := \
+  firmware/detect/dsp_sse2.c \
+  firmware/detect/dsp_avx2.c \
+  firmware/detect/dsp_neon.c \
+
+$(eval $(call library,vector))
+$O/firmware/detect/dsp_avx2.c.o: private part_flags := $(if $(findstring x86_64,$(shell $(CC) -dumpmachine)),-mavx2)
+
 # The device's edge: capture, sockets, options, files.
 firmware_SRC := \
   firmware/capture/capture.c \
@@ -37,11 +46,11 @@ firmware_SRC := \
 $(eval $(call library,firmware))
 
 tessera-detect_SRC := firmware/app/main_detect.c
-tessera-detect_LIBS := firmware detect targetfile common
+tessera-detect_LIBS := firmware detect vector targetfile common
 tessera-detect_LDLIBS := -lpng -lcjson -lm
 $(eval $(call program,tessera-detect))
 
 tessera-cam_SRC := firmware/app/main_camera.c
-tessera-cam_LIBS := firmware detect targetfile common
+tessera-cam_LIBS := firmware detect vector targetfile common
 tessera-cam_LDLIBS := -lpng -lcjson -lm
 $(eval $(call program,tessera-cam))

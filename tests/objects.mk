@@ -9,7 +9,7 @@ synth_SRC := tests/unit/synth.c tests/unit/synth_patch.c
 synth_FLAGS := -isystem build/deps/unity
 $(eval $(call library,synth))
 
-unit_LIBS := synth firmware detect targetfile common
+unit_LIBS := synth firmware detect vector targetfile common
 
 unit_SRC      := $(sort $(wildcard tests/unit/test_*.c))
 unit_host_SRC := $(sort $(wildcard tests/unit_host/test_*.cc))

@@ -10,6 +10,15 @@
 static unsigned list_choices(const struct dsp_kernels *out[CHOICES_MAX])
 {
     unsigned count = 0;
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        out[count++] = &dsp_avx2;
+    }
+    out[count++] = &dsp_sse2; /* part of the architecture */
+#endif
+#if defined(__ARM_NEON)
+    out[count++] = &dsp_neon; /* compiled for a processor that has it */
+#endif
     out[count++] = &dsp_scalar;
     return count;
 }

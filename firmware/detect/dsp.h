@@ -46,6 +46,13 @@ struct dsp_kernels {
 };
 
 extern const struct dsp_kernels dsp_scalar;
+#if defined(__x86_64__)
+extern const struct dsp_kernels dsp_sse2;
+extern const struct dsp_kernels dsp_avx2;
+#endif
+#if defined(__ARM_NEON)
+extern const struct dsp_kernels dsp_neon;
+#endif
 
 /* gx^2 gxx + 2 gx gy gxy + gy^2 gyy, the second derivative along the gradient times the gradient's
  * square (Freeman and Adelson 1991: the second-derivative filter steered to the dominant

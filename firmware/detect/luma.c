@@ -1,6 +1,28 @@
 /* Luma rows, one loop a kind of container. */
 #include "firmware/detect/luma.h"
 
+#include <string.h>
+
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the first pixel is the lowest byte");
+
+/* Four bytes at a time: spread to 16 bits each and shifted, in one register. */
+static void from_packed_bytes(const uint8_t *in, unsigned width, uint16_t *out)
+{
+    unsigned x = 0;
+    for (; x + 4 <= width; x += 4) {
+        uint32_t four;
+        memcpy(&four, in + x, sizeof four);
+        uint64_t spread = four;
+        spread = (spread | spread << 16) & 0x0000ffff0000ffffu;
+        spread = (spread | spread << 8) & 0x00ff00ff00ff00ffu;
+        spread <<= 4;
+        memcpy(out + x, &spread, sizeof spread);
+    }
+    for (; x < width; x++) {
+        out[x] = (uint16_t)(in[x] << 4);
+    }
+}
+
 static void from_bytes(const uint8_t *in, unsigned step, unsigned width, uint16_t *out)
 {
     for (unsigned x = 0; x < width; x++) {
@@ -26,7 +48,7 @@ void luma_span(const struct frame_view *frame, uint16_t y, uint16_t x, unsigned 
     switch (frame->format) {
     case FRAME_GREY8:
     case FRAME_NV12:
-        from_bytes(row + x, 1, count, out_grey_q4);
+        from_packed_bytes(row + x, count, out_grey_q4);
         break;
     case FRAME_YUYV:
         from_bytes(row + 2u * x, 2, count, out_grey_q4);

@@ -1,7 +1,7 @@
 # tessera-bench: how long the detector takes.
 tessera-bench_FLAGS := -isystem /usr/include/opencv4
 tessera-bench_SRC := tools/bench/bench_main.cc
-tessera-bench_LIBS := firmware detect targetfile common
+tessera-bench_LIBS := firmware detect vector targetfile common
 tessera-bench_LDLIBS := -lopencv_imgproc -lopencv_core -lfmt -lpng -lcjson -lm
 $(eval $(call program,tessera-bench))
 

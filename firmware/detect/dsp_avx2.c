@@ -1,0 +1,24 @@
+/* The row kernels with 256-bit vectors; compiled with -mavx2, so nobody calls them before asking the
+ * processor (app/dsp_choice.h). */
+#include "firmware/detect/dsp.h"
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+
+#define VEC              __m256i
+#define LANES            16u
+#define V(op)            _mm256_##op
+#define LOAD(p)          _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define STORE(p, v)      _mm256_storeu_si256((__m256i *)(void *)(p), v)
+#define STORE_HALF(p, v) _mm_storeu_si128((__m128i *)(void *)(p), \
+                                          _mm_packs_epi16(_mm256_castsi256_si128(v), \
+                                                          _mm256_extracti128_si256(v, 1)))
+#define AND(a, b)        _mm256_and_si256(a, b)
+#define ANDNOT(a, b)     _mm256_andnot_si256(a, b)
+#define OR(a, b)         _mm256_or_si256(a, b)
+#define ANY(v)           (_mm256_testz_si256(v, v) == 0)
+#define ZERO             _mm256_setzero_si256()
+#define KERNELS          dsp_avx2
+#define NAME             "avx2"
+#include "firmware/detect/dsp_x86_rows.h"
+#endif

@@ -1,0 +1,197 @@
+/* The row kernels with NEON, of aarch64 and of armv7 where the compiler is told that it is there. Ranges as
+ * in dsp_x86_rows.h. */
+#include "firmware/detect/dsp.h"
+
+#if defined(__ARM_NEON)
+#include <arm_neon.h>
+
+#define LANES 8u
+
+struct sum {
+    int32x4_t low;
+    int32x4_t high;
+};
+
+static inline struct sum weigh_first(int16x8_t value, int16_t tap)
+{
+    return (struct sum){vmull_n_s16(vget_low_s16(value), tap),
+                        vmull_n_s16(vget_high_s16(value), tap)};
+}
+
+static inline struct sum weigh(struct sum sum, int16x8_t value, int16_t tap)
+{
+    return (struct sum){vmlal_n_s16(sum.low, vget_low_s16(value), tap),
+                        vmlal_n_s16(sum.high, vget_high_s16(value), tap)};
+}
+
+static inline int16x8_t narrow_12(struct sum sum)
+{
+    return vcombine_s16(vrshrn_n_s32(sum.low, 12), vrshrn_n_s32(sum.high, 12));
+}
+
+static inline int16x8_t narrow_15(struct sum sum)
+{
+    return vcombine_s16(vrshrn_n_s32(sum.low, 15), vrshrn_n_s32(sum.high, 15));
+}
+
+static inline int16x8_t narrow_16(struct sum sum)
+{
+    return vcombine_s16(vrshrn_n_s32(sum.low, 16), vrshrn_n_s32(sum.high, 16));
+}
+
+static inline __attribute__((always_inline)) void along_x_block(const struct taps *taps,
+                                                                unsigned radius,
+                                                                const uint16_t *luma_grey_q4,
+                                                                const struct dsp_row *out,
+                                                                unsigned x)
+{
+    const int16_t *at = (const int16_t *)luma_grey_q4 + x;
+    const int16x8_t centre = vld1q_s16(at);
+    struct sum smooth = weigh_first(centre, taps->smooth_q15[0]);
+    struct sum second = weigh_first(centre, taps->second_q14[0]);
+    struct sum first = {vdupq_n_s32(0), vdupq_n_s32(0)};
+    for (unsigned k = 1; k <= radius; k++) {
+        const int16x8_t after = vld1q_s16(at + k);
+        const int16x8_t before = vld1q_s16(at - k);
+        const int16x8_t both = vaddq_s16(after, before);
+        smooth = weigh(smooth, both, taps->smooth_q15[k]);
+        second = weigh(second, both, taps->second_q14[k]);
+        first = weigh(first, vsubq_s16(after, before), taps->first_q15[k]);
+    }
+    vst1q_s16(out->smooth_q3 + x, narrow_12(smooth));
+    vst1q_s16(out->first_q3 + x, narrow_12(first));
+    vst1q_s16(out->second_q2 + x, narrow_12(second));
+}
+
+static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
+                                                                unsigned radius,
+                                                                const struct dsp_row rows[],
+                                                                const struct dsp_gradient *out,
+                                                                unsigned x)
+{
+    const int16x8_t middle = vdupq_n_s16(1 << 14);
+    const struct sum none = {vdupq_n_s32(0), vdupq_n_s32(0)};
+    struct sum gx = weigh_first(vld1q_s16(rows[radius].first_q3 + x), taps->smooth_q15[0]);
+    struct sum gxx = weigh_first(vld1q_s16(rows[radius].second_q2 + x), taps->smooth_q15[0]);
+    struct sum gyy = weigh_first(vsubq_s16(vld1q_s16(rows[radius].smooth_q3 + x), middle),
+                                 taps->second_q14[0]);
+    struct sum gy = none;
+    struct sum gxy = none;
+    for (unsigned k = 1; k <= radius; k++) {
+        const struct dsp_row *below = &rows[radius + k];
+        const struct dsp_row *above = &rows[radius - k];
+        const int16x8_t first_below = vld1q_s16(below->first_q3 + x);
+        const int16x8_t first_above = vld1q_s16(above->first_q3 + x);
+        const int16x8_t smooth_below = vsubq_s16(vld1q_s16(below->smooth_q3 + x), middle);
+        const int16x8_t smooth_above = vsubq_s16(vld1q_s16(above->smooth_q3 + x), middle);
+        gx = weigh(gx, vaddq_s16(first_below, first_above), taps->smooth_q15[k]);
+        gxy = weigh(gxy, vsubq_s16(first_below, first_above), taps->first_q15[k]);
+        gy = weigh(gy, vsubq_s16(smooth_below, smooth_above), taps->first_q15[k]);
+        gyy = weigh(gyy, vaddq_s16(smooth_below, smooth_above), taps->second_q14[k]);
+        gxx = weigh(gxx,
+                    vaddq_s16(vld1q_s16(below->second_q2 + x), vld1q_s16(above->second_q2 + x)),
+                    taps->smooth_q15[k]);
+    }
+    vst1q_s16(out->x_q3 + x, narrow_15(gx));
+    vst1q_s16(out->y_q3 + x, narrow_15(gy));
+    vst1q_s16(out->xx_q2 + x, narrow_15(gxx));
+    vst1q_s16(out->xy_q2 + x, narrow_16(gxy));
+    vst1q_s16(out->yy_q2 + x, narrow_15(gyy));
+}
+
+/* The place of the block after x: the last one ends with the row, overlapping the one before. */
+static inline unsigned next_block(unsigned x, unsigned width)
+{
+    return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
+}
+
+static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
+                    const struct dsp_row *out)
+{
+    if (width < LANES || taps->radius < 3) {
+        dsp_scalar.along_x(taps, luma_grey_q4, width, out);
+    } else if (taps->radius == 3) {
+        for (unsigned x = 0; x < width; x = next_block(x, width)) {
+            along_x_block(taps, 3, luma_grey_q4, out, x);
+        }
+    } else {
+        for (unsigned x = 0; x < width; x = next_block(x, width)) {
+            along_x_block(taps, taps->radius, luma_grey_q4, out, x);
+        }
+    }
+}
+
+static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
+                    const struct dsp_gradient *out)
+{
+    if (width < LANES || taps->radius < 3) {
+        dsp_scalar.along_y(taps, rows, width, out);
+    } else if (taps->radius == 3) {
+        for (unsigned x = 0; x < width; x = next_block(x, width)) {
+            along_y_block(taps, 3, rows, out, x);
+        }
+    } else {
+        for (unsigned x = 0; x < width; x = next_block(x, width)) {
+            along_y_block(taps, taps->radius, rows, out, x);
+        }
+    }
+}
+
+/* The sign of the steered derivative of four pixels, see dsp_x86_rows.h: negative, or not. */
+static inline int32x4_t steered(int16x4_t gx, int16x4_t gy, int16x4_t gxx, int16x4_t gxy,
+                                int16x4_t gyy)
+{
+    const int32x4_t u = vmlal_s16(vmull_s16(gx, gxx), gy, gxy);
+    const int32x4_t v = vmlal_s16(vmull_s16(gx, gxy), gy, gyy);
+    const int32x4_t upper =
+        vmlal_s16(vmull_s16(gx, vrshrn_n_s32(u, 16)), gy, vrshrn_n_s32(v, 16));
+    const int32x4_t lower = vmlal_s16(vmull_s16(gx, vmovn_s32(u)), gy, vmovn_s32(v));
+    return vsraq_n_s32(upper, lower, 16);
+}
+
+static inline uint16x4_t is_strong(int16x4_t gx, int16x4_t gy, int32x4_t threshold_q6)
+{
+    return vmovn_u32(vcgeq_s32(vmlal_s16(vmull_s16(gx, gx), gy, gy), threshold_q6));
+}
+
+static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
+{
+    if (width < LANES) {
+        dsp_scalar.sides(threshold_q6, width, out);
+        return;
+    }
+    const int32x4_t threshold = vdupq_n_s32((int32_t)threshold_q6);
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        const int16x8_t gx = vld1q_s16(out->x_q3 + x);
+        const int16x8_t gy = vld1q_s16(out->y_q3 + x);
+        const uint16x8_t strong16 =
+            vcombine_u16(is_strong(vget_low_s16(gx), vget_low_s16(gy), threshold),
+                         is_strong(vget_high_s16(gx), vget_high_s16(gy), threshold));
+        const uint8x8_t strong = vmovn_u16(strong16);
+        int8x8_t side = vdup_n_s8(0);
+        if (vget_lane_u64(vreinterpret_u64_u8(strong), 0) != 0) {
+            const int16x8_t gxx = vld1q_s16(out->xx_q2 + x);
+            const int16x8_t gxy = vld1q_s16(out->xy_q2 + x);
+            const int16x8_t gyy = vld1q_s16(out->yy_q2 + x);
+            const int32x4_t low =
+                steered(vget_low_s16(gx), vget_low_s16(gy), vget_low_s16(gxx), vget_low_s16(gxy),
+                        vget_low_s16(gyy));
+            const int32x4_t high =
+                steered(vget_high_s16(gx), vget_high_s16(gy), vget_high_s16(gxx),
+                        vget_high_s16(gxy), vget_high_s16(gyy));
+            /* The sign bit alone survives the narrowings: -1 or 0, made odd. */
+            const int16x8_t sign = vcombine_s16(vmovn_s32(vshrq_n_s32(low, 31)),
+                                                vmovn_s32(vshrq_n_s32(high, 31)));
+            side = vand_s8(vorr_s8(vmovn_s16(sign), vdup_n_s8(1)), vreinterpret_s8_u8(strong));
+        }
+        vst1_s8(out->side + x, side);
+    }
+}
+
+const struct dsp_kernels dsp_neon = {
+    .name = "neon",
+    .along_x = along_x,
+    .along_y = along_y,
+    .sides = sides,
+};
+#endif

@@ -1,0 +1,21 @@
+/* The row kernels with 128-bit vectors: every x86-64 processor has them. */
+#include "firmware/detect/dsp.h"
+
+#if defined(__x86_64__)
+#include <emmintrin.h>
+
+#define VEC              __m128i
+#define LANES            8u
+#define V(op)            _mm_##op
+#define LOAD(p)          _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define STORE(p, v)      _mm_storeu_si128((__m128i *)(void *)(p), v)
+#define STORE_HALF(p, v) _mm_storel_epi64((__m128i *)(void *)(p), _mm_packs_epi16(v, v))
+#define AND(a, b)        _mm_and_si128(a, b)
+#define ANDNOT(a, b)     _mm_andnot_si128(a, b)
+#define OR(a, b)         _mm_or_si128(a, b)
+#define ANY(v)           (_mm_movemask_epi8(v) != 0)
+#define ZERO             _mm_setzero_si128()
+#define KERNELS          dsp_sse2
+#define NAME             "sse2"
+#include "firmware/detect/dsp_x86_rows.h"
+#endif

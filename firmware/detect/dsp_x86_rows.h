@@ -1,0 +1,229 @@
+/* The row kernels for x86, written once and compiled for each width of vector: the including file defines
+ *
+ *   VEC, LANES     the register and how many 16-bit values it holds
+ *   V(op)          the intrinsic of that width: V(add_epi16)(a, b)
+ *   LOAD, STORE    unaligned, whole registers
+ *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
+ *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
+ *   KERNELS        the table's name; NAME its text
+ *
+ * Unpacking splits a register's values in two halves with 32 bits a value, packing joins them again in the
+ * same order, so nothing here depends on the lanes of wide registers.
+ *
+ * Sums of two samples have to fit 16 bits. Along x samples are below 2^12. Down the columns: first_q3 is at
+ * most 4095 x 0.47 x 8 = 15396; second_q2 at most 4095 x 0.42 x 4 = 6880 from radius 3 on, but 21320
+ * at radius 2, which is left to the plain kernels; smooth_q3 is taken from -2^14, which the exactly zero
+ * sums of the other two filters' taps cancel. */
+
+#include "firmware/detect/dsp.h"
+
+/* Two taps side by side, for pairs of samples. */
+static inline VEC tap_pair(int even, int odd)
+{
+    return V(set1_epi32)((int)((unsigned)even & 0xffffu) | (int)((unsigned)odd << 16));
+}
+
+/* 32-bit sums of both halves, shared between the filters' steps. */
+struct sum {
+    VEC low;
+    VEC high;
+};
+
+static inline struct sum pair_sum(struct sum pairs, VEC taps)
+{
+    return (struct sum){V(madd_epi16)(pairs.low, taps), V(madd_epi16)(pairs.high, taps)};
+}
+
+static inline struct sum add_sum(struct sum a, struct sum b)
+{
+    return (struct sum){V(add_epi32)(a.low, b.low), V(add_epi32)(a.high, b.high)};
+}
+
+static inline struct sum interleave(VEC even, VEC odd)
+{
+    return (struct sum){V(unpacklo_epi16)(even, odd), V(unpackhi_epi16)(even, odd)};
+}
+
+/* Rounded shift and back to 16 bits; the values fit. */
+static inline VEC narrow(struct sum sum, int shift)
+{
+    const VEC half = V(set1_epi32)(1 << (shift - 1));
+    return V(packs_epi32)(V(srai_epi32)(V(add_epi32)(sum.low, half), shift),
+                          V(srai_epi32)(V(add_epi32)(sum.high, half), shift));
+}
+
+/* sum over k of taps[k] * values[k], in pairs. values[count] must be there: zero, when count is odd. */
+static inline __attribute__((always_inline)) struct sum weigh(const VEC values[],
+                                                              const int16_t taps[], unsigned count)
+{
+    struct sum sum = pair_sum(interleave(values[0], values[1]),
+                              tap_pair(taps[0], count > 1 ? taps[1] : 0));
+    for (unsigned k = 2; k < count; k += 2) {
+        const VEC pair = tap_pair(taps[k], k + 1 < count ? taps[k + 1] : 0);
+        sum = add_sum(sum, pair_sum(interleave(values[k], values[k + 1]), pair));
+    }
+    return sum;
+}
+
+static inline __attribute__((always_inline)) void along_x_block(const struct taps *taps,
+                                                                unsigned radius,
+                                                                const uint16_t *at,
+                                                                const struct dsp_row *out,
+                                                                unsigned x)
+{
+    VEC even[TAPS_RADIUS_MAX + 2]; /* centre, then sums of the two at distance k */
+    VEC odd[TAPS_RADIUS_MAX + 2];  /* differences, from distance 1               */
+    even[0] = LOAD(at);
+    for (unsigned k = 1; k <= radius; k++) {
+        const VEC after = LOAD(at + k);
+        const VEC before = LOAD(at - k);
+        even[k] = V(add_epi16)(after, before);
+        odd[k - 1] = V(sub_epi16)(after, before);
+    }
+    even[radius + 1] = ZERO;
+    odd[radius] = ZERO;
+    STORE(out->smooth_q3 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 12));
+    STORE(out->first_q3 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 12));
+    STORE(out->second_q2 + x, narrow(weigh(even, taps->second_q14, radius + 1), 12));
+}
+
+/* The place of the block after x: the last one ends with the row, overlapping the one before. */
+static inline unsigned next_block(unsigned x, unsigned width)
+{
+    return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
+}
+
+static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
+                                                              unsigned radius,
+                                                              const uint16_t *luma_grey_q4,
+                                                              unsigned width,
+                                                              const struct dsp_row *out)
+{
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        along_x_block(taps, radius, luma_grey_q4 + x, out, x);
+    }
+}
+
+static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
+                    const struct dsp_row *out)
+{
+    if (width < LANES || taps->radius < 3) {
+        dsp_scalar.along_x(taps, luma_grey_q4, width, out);
+    } else if (taps->radius == 3) {
+        along_x_row(taps, 3, luma_grey_q4, width, out);
+    } else {
+        along_x_row(taps, taps->radius, luma_grey_q4, width, out);
+    }
+}
+
+static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
+                                                                unsigned radius,
+                                                                const struct dsp_row rows[],
+                                                                const struct dsp_gradient *out,
+                                                                unsigned x)
+{
+    const VEC middle = V(set1_epi16)(1 << 14);
+    VEC even[TAPS_RADIUS_MAX + 2];
+    VEC odd[TAPS_RADIUS_MAX + 2];
+    even[radius + 1] = ZERO;
+    odd[radius] = ZERO;
+
+    even[0] = LOAD(rows[radius].first_q3 + x);
+    for (unsigned k = 1; k <= radius; k++) {
+        const VEC below = LOAD(rows[radius + k].first_q3 + x);
+        const VEC above = LOAD(rows[radius - k].first_q3 + x);
+        even[k] = V(add_epi16)(below, above);
+        odd[k - 1] = V(sub_epi16)(below, above);
+    }
+    STORE(out->x_q3 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 15));
+    STORE(out->xy_q2 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 16));
+
+    even[0] = V(sub_epi16)(LOAD(rows[radius].smooth_q3 + x), middle);
+    for (unsigned k = 1; k <= radius; k++) {
+        const VEC below = V(sub_epi16)(LOAD(rows[radius + k].smooth_q3 + x), middle);
+        const VEC above = V(sub_epi16)(LOAD(rows[radius - k].smooth_q3 + x), middle);
+        even[k] = V(add_epi16)(below, above);
+        odd[k - 1] = V(sub_epi16)(below, above);
+    }
+    STORE(out->y_q3 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 15));
+    STORE(out->yy_q2 + x, narrow(weigh(even, taps->second_q14, radius + 1), 15));
+
+    even[0] = LOAD(rows[radius].second_q2 + x);
+    for (unsigned k = 1; k <= radius; k++) {
+        even[k] = V(add_epi16)(LOAD(rows[radius + k].second_q2 + x),
+                               LOAD(rows[radius - k].second_q2 + x));
+    }
+    STORE(out->xx_q2 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 15));
+}
+
+static inline __attribute__((always_inline)) void along_y_row(const struct taps *taps,
+                                                              unsigned radius,
+                                                              const struct dsp_row rows[],
+                                                              unsigned width,
+                                                              const struct dsp_gradient *out)
+{
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        along_y_block(taps, radius, rows, out, x);
+    }
+}
+
+static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
+                    const struct dsp_gradient *out)
+{
+    if (width < LANES || taps->radius < 3) {
+        dsp_scalar.along_y(taps, rows, width, out);
+    } else if (taps->radius == 3) {
+        along_y_row(taps, 3, rows, width, out);
+    } else {
+        along_y_row(taps, taps->radius, rows, width, out);
+    }
+}
+
+/* The sides of half a block, 32 bits each, from pairs (gx, gy), (gxx, gxy), (gxy, gyy).
+ *
+ * u = (gxx, gxy) . g and v = (gxy, gyy) . g need 32 bits, and u gx + v gy 44. Split u = 2^16 u1 + u0 with
+ * -2^15 <= u0 < 2^15, and v alike: then u gx + v gy = 2^16 (u1 gx + v1 gy) + (u0 gx + v0 gy), two more
+ * pairwise products, and its sign is that of the first sum plus the second one's upper half. */
+static inline VEC half_sides(VEC g, VEC u_row, VEC v_row, VEC strong)
+{
+    const VEC low_mask = V(set1_epi32)(0xffff);
+    const VEC round = V(set1_epi32)(0x8000);
+    const VEC u = V(madd_epi16)(g, u_row);
+    const VEC v = V(madd_epi16)(g, v_row);
+    const VEC upper = OR(V(srli_epi32)(V(add_epi32)(u, round), 16),
+                         ANDNOT(low_mask, V(add_epi32)(v, round)));
+    const VEC lower = OR(AND(u, low_mask), V(slli_epi32)(v, 16));
+    const VEC whole = V(add_epi32)(V(madd_epi16)(g, upper),
+                                   V(srai_epi32)(V(madd_epi16)(g, lower), 16));
+    return AND(OR(V(srai_epi32)(whole, 31), V(set1_epi32)(1)), strong);
+}
+
+static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
+{
+    if (width < LANES) {
+        dsp_scalar.sides(threshold_q6, width, out);
+        return;
+    }
+    const VEC below = V(set1_epi32)((int)threshold_q6 - 1);
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        const struct sum g = interleave(LOAD(out->x_q3 + x), LOAD(out->y_q3 + x));
+        const VEC strong_low = V(cmpgt_epi32)(V(madd_epi16)(g.low, g.low), below);
+        const VEC strong_high = V(cmpgt_epi32)(V(madd_epi16)(g.high, g.high), below);
+        VEC both = ZERO;
+        if (ANY(OR(strong_low, strong_high))) {
+            const VEC xy = LOAD(out->xy_q2 + x);
+            const struct sum u_row = interleave(LOAD(out->xx_q2 + x), xy);
+            const struct sum v_row = interleave(xy, LOAD(out->yy_q2 + x));
+            both = V(packs_epi32)(half_sides(g.low, u_row.low, v_row.low, strong_low),
+                                  half_sides(g.high, u_row.high, v_row.high, strong_high));
+        }
+        STORE_HALF(out->side + x, both);
+    }
+}
+
+const struct dsp_kernels KERNELS = {
+    .name = NAME,
+    .along_x = along_x,
+    .along_y = along_y,
+    .sides = sides,
+};
