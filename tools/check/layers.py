@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 CORE = "stdint.h stdbool.h stddef.h assert.h string.h".split()  # no heap, no input or output, no float
+VECTORS = "emmintrin.h immintrin.h arm_neon.h".split()  # for the row kernels; make symbols watches the rest
 ANY = None  # any system header
 RULES = {  # folder: (folders and headers of ours, system headers); the longest folder that fits counts
     "common": ([], CORE),
@@ -20,7 +21,7 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
     "common/targetfile": (["common/targetfile", "common/target", "common/fx"], ANY),
     "firmware": ([], CORE),
     "firmware/detect": (["firmware/detect", "common/fx", "common/wire", "common/target",
-                         "firmware/frame.h", "firmware/limits.h"], CORE),
+                         "firmware/frame.h", "firmware/limits.h"], CORE + VECTORS),
     "firmware/capture": (["firmware/capture", "firmware/frame.h", "firmware/limits.h"], ANY),
     "firmware/net": (["firmware/net"], ANY),
     "firmware/app": (["firmware", "common"], ANY),
