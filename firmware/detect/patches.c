@@ -254,8 +254,8 @@ static bool fit_map(const struct trial *trial, const struct patches *patches, un
             for (unsigned col = 0; col <= row; col++) {
                 normal.at_q30[row][col] += fx_mul_q30(terms_q30[row], terms_q30[col]);
             }
-            right_u[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].u_q20 << 10);
-            right_v[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].v_q20 << 10);
+            right_u[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].u_q20 * 1024);
+            right_v[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].v_q20 * 1024);
         }
         pairs++;
     }
