@@ -240,6 +240,15 @@ static bool solve_pixels(const struct normal *sum, struct smallsolve *factored,
     return smallsolve_factor(factored, PIVOT_FLOOR_Q30) && smallsolve_solve(factored, solution_q30);
 }
 
+/* part / whole, |part| <= |whole|. The second pass's numbers are 64 times finer, up to 2^37: low bits are
+ * dropped so that the product stays below 2^63. */
+static int64_t part_over_whole_q30(int64_t part, int64_t whole)
+{
+    const unsigned bits = fx_bits_i64(whole);
+    const unsigned drop = bits > 32 ? bits - 32 : 0;
+    return (part >> drop) * ((int64_t)1 << 30) / (whole >> drop);
+}
+
 /* Applies a solution whose geometric part is c theta R / s, given c on the same scale. */
 static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWNS],
                            int64_t contrast_q30)
@@ -252,14 +261,14 @@ static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWN
         if (fx_abs_i64(part) > fx_abs_i64(contrast_q30)) {
             return false; /* a move by more than the blur */
         }
-        const int64_t over_q30 = part * ((int64_t)1 << 30) / contrast_q30;
+        const int64_t over_q30 = part_over_whole_q30(part, contrast_q30);
         step_q36[i] = fx_round_shift_i64(over_q30 * share_q24, 18);
     }
     const int64_t blur_q30 = solution_q30[AT_BLUR];
     if (2 * fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
         return false;
     }
-    const int64_t blur_change_q30 = blur_q30 * ((int64_t)1 << 30) / contrast_q30;
+    const int64_t blur_change_q30 = part_over_whole_q30(blur_q30, contrast_q30);
     view->blur_px_q16 += (int32_t)fx_round_shift_i64(view->blur_px_q16 * blur_change_q30, 30);
     return view->blur_px_q16 >= BLUR_MIN_PX_Q16 && view->blur_px_q16 <= BLUR_MAX_PX_Q16 &&
            ellipse_step(&view->ellipse, &view->root, step_q36) && prepare_view(view);
