@@ -6,6 +6,8 @@
 #include "common/fx/root.h"
 #include "firmware/limits.h"
 
+#define RADIUS_MIN_PX_Q16 163840 /* 2.5 px */
+
 enum bend { BEND_NONE, BEND_LEFT, BEND_RIGHT, BEND_CORNER };
 
 static enum bend bend_at(const struct contour *c, uint32_t i, uint32_t step)
@@ -148,7 +150,10 @@ void arcs_keep(struct arcs *arcs, const int32_t x_px_q16[], const int32_t y_px_q
     };
     const int32_t x[3] = {x_px_q16[0], x_px_q16[count / 2], x_px_q16[count - 1]};
     const int32_t y[3] = {y_px_q16[0], y_px_q16[count / 2], y_px_q16[count - 1]};
-    if (!circle_through(x, y, &arc)) {
+    /* The rounded corner of a triangle is an arc of 2 px radius at most; half a radian says nothing about
+     * an ellipse (1.27 points a pixel of length). */
+    if (!circle_through(x, y, &arc) || arc.radius_px_q16 < RADIUS_MIN_PX_Q16 ||
+        (int64_t)count * 65536 < 3 * (int64_t)arc.radius_px_q16 / 2) {
         return;
     }
     if (arcs->count == LIMIT_ARCS || arcs->points + count > LIMIT_ARC_POINTS) {

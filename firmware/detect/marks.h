@@ -27,7 +27,8 @@ struct mark {
     uint32_t       sigma_px_q20;  /* of the centre, per axis         */
     uint32_t       next;          /* in its grid cell                */
     uint16_t       gradient_q3;   /* mean of the filtered edge's slope */
-    uint16_t       noise_q16;     /* once refined: pixel noise over contrast, saturated */
+    uint16_t       noise_q16;     /* once refined: pixel noise over contrast, saturated; */
+    uint16_t       worst_q16;     /* and that of the noisiest eighth of the rim          */
     bool           white;
     bool           large;
 };

@@ -21,9 +21,16 @@
 #define FINE_BITS         6
 /* Noise over contrast that counts: so many times the frame's median, and a little for small circles
  * whose neighbours' edges reach into their band. */
-#define NOISE_BINS        128u
+#define NOISE_BINS        256u
+#define NOISE_BIN_Q16     64u /* 0.001 */
 #define NOISE_SHARE       2u
-#define NOISE_SLACK_Q16   2600u /* 0.04 */
+#define NOISE_SLACK_Q16   800u  /* 0.012 */
+#define WORST_SHARE       3u
+#define WORST_SLACK_Q16   1400u /* 0.021 */
+#define OCTANT_PIXELS_MIN 4u
+/* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
+ * say: 0.3 px at 1.4. */
+#define GAP_SIGMAS_Q8     384 /* 1.5 */
 #define REST_LIMIT_Q30    ((int64_t)2 << 30)
 
 /* One feature under refinement. */
@@ -45,7 +52,9 @@ struct view {
 struct normal {
     int64_t  matrix_q40[UNKNOWNS][UNKNOWNS];
     int64_t  right_q48[UNKNOWNS];
-    int64_t  squares_q44; /* second pass only */
+    int64_t  squares_q44;            /* second pass only */
+    int64_t  octant_squares_q44[8];
+    uint32_t octant_count[8];
     uint32_t count;
 };
 
@@ -173,7 +182,11 @@ static void add_pixel(const struct refine *refine, const struct view *view, int6
         rest_q30 *= 1 << FINE_BITS;
         rest_q30 = rest_q30 > REST_LIMIT_Q30 ? REST_LIMIT_Q30 : rest_q30;
         rest_q30 = rest_q30 < -REST_LIMIT_Q30 ? -REST_LIMIT_Q30 : rest_q30;
-        sum->squares_q44 += (rest_q30 >> 8) * (rest_q30 >> 8);
+        const int64_t square_q44 = (rest_q30 >> 8) * (rest_q30 >> 8);
+        const unsigned octant = (p_q24 < 0 ? 1u : 0u) + (q_q24 < 0 ? 2u : 0u) + (pp < qq ? 4u : 0u);
+        sum->squares_q44 += square_q44;
+        sum->octant_squares_q44[octant] += square_q44;
+        sum->octant_count[octant]++;
     }
     for (unsigned row = 0; row < UNKNOWNS; row++) {
         for (unsigned col = 0; col <= row; col++) {
@@ -316,6 +329,21 @@ static int64_t left_over_q52(const struct normal *sum, const int64_t solution_q3
     return left_q52 > 0 ? left_q52 / (sum->count - UNKNOWNS) * sum->count : 0;
 }
 
+/* The noisiest eighth of the rim, over the contrast: what covers a part of a circle disturbs one side. */
+static uint16_t worst_octant_q16(const struct view *view, const struct normal *sum)
+{
+    int64_t worst_q44 = 0;
+    for (unsigned i = 0; i < 8; i++) {
+        if (sum->octant_count[i] >= OCTANT_PIXELS_MIN) {
+            const int64_t mean_q44 = sum->octant_squares_q44[i] / sum->octant_count[i];
+            worst_q44 = mean_q44 > worst_q44 ? mean_q44 : worst_q44;
+        }
+    }
+    /* The root is 64 m in Q22; over c in Q30. */
+    const uint64_t root_q22 = root_u64((uint64_t)worst_q44);
+    return fx_saturate_u16((int64_t)((root_q22 << 18) / (uint64_t)fx_abs_i64(view->contrast_q30)));
+}
+
 /* The brightness at unit-frame place (p, q), nearest pixel; false outside the frame. */
 static bool sample(const struct frame_view *frame, const struct view *view, int32_t p_q16,
                    int32_t q_q16, uint16_t *grey_q4)
@@ -394,10 +422,20 @@ static bool fit_view(const struct refine *refine, const struct frame_view *frame
         } else if (!find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30),
                                &fitted)) {
             return false;
+        } else {
+            fitted.worst_q16 = worst_octant_q16(view, &sum);
         }
         if (!apply_solution(view, solution_q30, scale_q30)) {
             return false;
         }
+    }
+    uint32_t major_px_q16;
+    uint32_t minor_px_q16;
+    uint16_t angle;
+    ellipse_axes(&view->ellipse, &major_px_q16, &minor_px_q16, &angle);
+    if (fx_round_shift_i64((int64_t)minor_px_q16 * view->gap_q16, 16) <
+        ((int64_t)view->blur_px_q16 * GAP_SIGMAS_Q8) >> 8) {
+        return false;
     }
     fitted.ellipse = view->ellipse;
     fitted.size_px_q16 = view->size_px_q16;
@@ -414,6 +452,12 @@ static bool start_view(const struct refine *refine, const struct mark *mark, str
     return prepare_view(view);
 }
 
+/* Whether the pixels are as quiet as the frame's others, all around. */
+static bool is_clean(const struct refine *refine, const struct mark *mark)
+{
+    return mark->noise_q16 <= refine->noise_max_q16 && mark->worst_q16 <= refine->worst_max_q16;
+}
+
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
                       struct mark *mark)
 {
@@ -423,7 +467,7 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
     }
     view.blur_px_q16 = refine->blur_px_q16;
     struct mark fitted = *mark;
-    if (!fit_view(refine, frame, &view, &fitted) || fitted.noise_q16 > refine->noise_max_q16) {
+    if (!fit_view(refine, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
         return false;
     }
     *mark = fitted;
@@ -464,11 +508,12 @@ static void visit_marks(struct refine *refine, const struct frame_view *frame,
                        fit_view(refine, frame, &view, mark);
                 if (good) {
                     refine->refined++;
-                    bins[mark->noise_q16 / (65536u / NOISE_BINS)]++;
+                    const uint32_t bin = mark->noise_q16 / NOISE_BIN_Q16;
+                    bins[bin < NOISE_BINS ? bin : NOISE_BINS - 1]++;
                     *blur_sum_q16 += view.blur_px_q16;
                 }
             } else {
-                good = mark->noise_q16 <= refine->noise_max_q16;
+                good = is_clean(refine, mark);
             }
             if (!good) {
                 patch->marks[feature] = MARKS_NONE;
@@ -488,14 +533,15 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
     refine->refused = 0;
     refine->blur_px_q16 = 0;
     refine->noise_max_q16 = 0;
+    refine->worst_max_q16 = 0;
     visit_marks(refine, frame, patches, marks, 0, bins, &blur_sum_q16);
     if (refine->refined == 0) {
         return;
     }
     refine->blur_px_q16 = (int32_t)(blur_sum_q16 / refine->refined);
     /* A circle with a tenth of its rim covered leaves a residual of 0.3 of its contrast. */
-    refine->noise_max_q16 =
-        NOISE_SHARE * (median_bin(bins, refine->refined) + 1) * (65536u / NOISE_BINS) +
-        NOISE_SLACK_Q16;
+    const uint32_t median_q16 = (median_bin(bins, refine->refined) + 1) * NOISE_BIN_Q16;
+    refine->noise_max_q16 = NOISE_SHARE * median_q16 + NOISE_SLACK_Q16;
+    refine->worst_max_q16 = WORST_SHARE * median_q16 + WORST_SLACK_Q16;
     visit_marks(refine, frame, patches, marks, 1, bins, &blur_sum_q16);
 }

@@ -33,7 +33,8 @@ struct refine {
     int64_t   peak_swing_q15;
     int64_t   peak_over_q16;     /* 1 / sigma */
     int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
-    uint32_t  noise_max_q16;     /* largest noise over contrast that counts          */
+    uint32_t  noise_max_q16;     /* largest noise over contrast that counts,         */
+    uint32_t  worst_max_q16;     /* and largest of one eighth of the rim             */
     uint32_t  refined;           /* counters of the frame */
     uint32_t  refused;
 };
