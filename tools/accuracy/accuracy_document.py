@@ -39,8 +39,9 @@ ACCURACY='--seed 7 --only tilt'` measures on other frames, `--faults FILE` lists
   from 30 circles on).
 - *wrong ids*, *> 0.3 px*: none may be.
 - *RMS*, *limit*, *ratio*: RMS distance from the truth, the Cramér-Rao limit of the same, one over the other,
-  over circles in view whose semi-minor axis is 3 px or more. In bad light the ratio may be 6: three times the
-  limit at half the contrast.
+  over circles in view whose semi-minor axis is 3 px or more. The limit counts the circle's edge alone; its
+  Gaussian peak tells a little more, so a ratio may be just below 1. In bad light the ratio may be 6:
+  three times the limit at half the contrast.
 - *error / sigma*: RMS per axis of error over reported sigma, all features found. Required: 0.8 to 1.25.
 
 """
