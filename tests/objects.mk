@@ -11,27 +11,42 @@ $(eval $(call library,synth))
 
 unit_LIBS := synth firmware detect vector targetfile common
 
+# Host tests that need no more than socket and journal.
+gather_tests := journal packets
+
 unit_SRC      := $(sort $(wildcard tests/unit/test_*.c))
 unit_host_SRC := $(sort $(wildcard tests/unit_host/test_*.cc))
 unit_BIN      := $(patsubst tests/%.c,$O/tests/%,$(unit_SRC))
-unit_host_BIN := $(patsubst tests/%.cc,$O/tests/%,$(unit_host_SRC))
+gather_BIN    := $(gather_tests:%=$O/tests/unit_host/test_%)
+unit_host_BIN := $(filter-out $(gather_BIN),$(patsubst tests/%.cc,$O/tests/%,$(unit_host_SRC)))
 
 $(call objects,$(unit_SRC)): private part_flags := -isystem build/deps/unity
 $(call objects,$(unit_host_SRC)): private part_flags := -isystem build/deps/unity $(host_FLAGS)
 $(unit_BIN): $O/tests/%: $O/tests/%.c.o $(unit_LIBS:%=$O/lib%.a) $O/libunity.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng -lm
-$(unit_host_BIN): $O/tests/%: $O/tests/%.cc.o $O/libhost.a $(unit_LIBS:%=$O/lib%.a) $O/libunity.a
+$(unit_host_BIN): $O/libhost.a
+$(unit_host_BIN) $(gather_BIN): $O/tests/%: $O/tests/%.cc.o $O/libgather.a $(unit_LIBS:%=$O/lib%.a) $O/libunity.a
 	$(call say,LINK,$@)
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng $(host_LDLIBS)
 
 ## check: run every test on what is built (no installing)
 .PHONY: check
-check: tables layers names symbols unit system
+check: tables layers names symbols unit sanitize system
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit
-unit: $(unit_BIN) $(unit_host_BIN)
+unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
+	@$(PYTHON) tests/run_units.py $^
+
+## sanitize: the C core, the device's edge, wire, socket and journal under ASan and UBSan
+.PHONY: sanitize
+sanitize:
+	@$(MAKE) --no-print-directory SAN=1 unit-light
+
+# Without the solver: Ceres and OpenCV take minutes to compile with sanitizers and are not ours.
+.PHONY: unit-light
+unit-light: $(unit_BIN) $(gather_BIN)
 	@$(PYTHON) tests/run_units.py $^
 
 ## system: run the built programs as a user would (pytest)
