@@ -15,6 +15,7 @@ detect_SRC := \
   firmware/detect/marks.c \
   firmware/detect/patches.c \
   firmware/detect/profile_table.c \
+  firmware/detect/rim.c \
   firmware/detect/refine.c \
   firmware/detect/lattice.c \
   firmware/detect/packet.c \

@@ -33,6 +33,12 @@ struct dsp_gradient {
     int8_t  *side;
 };
 
+/* Columns of samples whose pairwise sums of products are wanted: the normal equations of rim.h. */
+#define DSP_COLUMNS    9u
+#define DSP_PRODUCTS   (DSP_COLUMNS * (DSP_COLUMNS + 1) / 2)
+#define DSP_BATCH      128u /* samples a column has room for */
+#define DSP_BATCH_STEP 16u
+
 struct dsp_kernels {
     const char *name;
     /* luma_grey_q4 points at the first pixel of a row padded by taps->radius on both sides. */
@@ -43,6 +49,10 @@ struct dsp_kernels {
                     const struct dsp_gradient *out);
     /* Fills out->side from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
     void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
+    /* Adds to sums, for each row i and column j <= i, the sum over k < count of c[i][k] c[j][k], where column
+     * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.
+     * |c| at most 2^12, in the last column 2^13: 32 products stay below 2^31. */
+    void (*products)(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS]);
 };
 
 extern const struct dsp_kernels dsp_scalar;

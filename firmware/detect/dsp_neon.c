@@ -188,10 +188,47 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     }
 }
 
+/* The products of one row with all columns before it; `row` is known where this is inlined, so that the sums
+ * live in registers. */
+static inline __attribute__((always_inline)) void row_products(const int16_t *columns, unsigned row,
+                                                               unsigned count, int64_t *sums)
+{
+    int32x4_t partial[DSP_COLUMNS];
+    for (unsigned col = 0; col <= row; col++) {
+        partial[col] = vdupq_n_s32(0);
+    }
+    for (unsigned k = 0; k < count; k += LANES) {
+        const int16x8_t own = vld1q_s16(columns + row * DSP_BATCH + k);
+        for (unsigned col = 0; col <= row; col++) {
+            const int16x8_t other = vld1q_s16(columns + col * DSP_BATCH + k);
+            partial[col] = vmlal_s16(partial[col], vget_low_s16(own), vget_low_s16(other));
+            partial[col] = vmlal_s16(partial[col], vget_high_s16(own), vget_high_s16(other));
+        }
+    }
+    for (unsigned col = 0; col <= row; col++) {
+        const int64x2_t pairs = vpaddlq_s32(partial[col]);
+        sums[col] += vgetq_lane_s64(pairs, 0) + vgetq_lane_s64(pairs, 1);
+    }
+}
+
+static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS])
+{
+    row_products(columns, 0, count, sums);
+    row_products(columns, 1, count, sums + 1);
+    row_products(columns, 2, count, sums + 3);
+    row_products(columns, 3, count, sums + 6);
+    row_products(columns, 4, count, sums + 10);
+    row_products(columns, 5, count, sums + 15);
+    row_products(columns, 6, count, sums + 21);
+    row_products(columns, 7, count, sums + 28);
+    row_products(columns, 8, count, sums + 36);
+}
+
 const struct dsp_kernels dsp_neon = {
     .name = "neon",
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,
+    .products = products,
 };
 #endif

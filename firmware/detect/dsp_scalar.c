@@ -65,9 +65,26 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     }
 }
 
+static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS])
+{
+    unsigned at = 0;
+    for (unsigned row = 0; row < DSP_COLUMNS; row++) {
+        for (unsigned col = 0; col <= row; col++) {
+            const int16_t *a = columns + row * DSP_BATCH;
+            const int16_t *b = columns + col * DSP_BATCH;
+            int64_t sum = 0;
+            for (unsigned k = 0; k < count; k++) {
+                sum += a[k] * b[k];
+            }
+            sums[at++] += sum;
+        }
+    }
+}
+
 const struct dsp_kernels dsp_scalar = {
     .name = "scalar",
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,
+    .products = products,
 };

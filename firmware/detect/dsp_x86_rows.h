@@ -221,9 +221,48 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     }
 }
 
+/* The products of one row with all columns before it; `row` is known where this is inlined, so that the sums
+ * live in registers. */
+static inline __attribute__((always_inline)) void row_products(const int16_t *columns, unsigned row,
+                                                               unsigned count, int64_t *sums)
+{
+    VEC partial[DSP_COLUMNS];
+    for (unsigned col = 0; col <= row; col++) {
+        partial[col] = ZERO;
+    }
+    for (unsigned k = 0; k < count; k += LANES) {
+        const VEC own = LOAD(columns + row * DSP_BATCH + k);
+        for (unsigned col = 0; col <= row; col++) {
+            const VEC other = LOAD(columns + col * DSP_BATCH + k);
+            partial[col] = V(add_epi32)(partial[col], V(madd_epi16)(own, other));
+        }
+    }
+    for (unsigned col = 0; col <= row; col++) {
+        int32_t lanes[LANES / 2];
+        STORE(lanes, partial[col]);
+        for (unsigned i = 0; i < LANES / 2; i++) {
+            sums[col] += lanes[i];
+        }
+    }
+}
+
+static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS])
+{
+    row_products(columns, 0, count, sums);
+    row_products(columns, 1, count, sums + 1);
+    row_products(columns, 2, count, sums + 3);
+    row_products(columns, 3, count, sums + 6);
+    row_products(columns, 4, count, sums + 10);
+    row_products(columns, 5, count, sums + 15);
+    row_products(columns, 6, count, sums + 21);
+    row_products(columns, 7, count, sums + 28);
+    row_products(columns, 8, count, sums + 36);
+}
+
 const struct dsp_kernels KERNELS = {
     .name = NAME,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,
+    .products = products,
 };

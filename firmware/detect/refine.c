@@ -5,20 +5,13 @@
 #include "common/fx/fx.h"
 #include "common/fx/root.h"
 #include "common/fx/smallsolve.h"
+#include "firmware/detect/luma.h"
 #include "firmware/detect/profile.h"
 
-#define UNKNOWNS          8u
-#define AT_LEVEL          5u /* b */
-#define AT_CONTRAST       6u /* c */
-#define AT_BLUR           7u
-#define BAND_SIGMAS_Q8    512   /* 2 */
-#define CLEAR_SIGMAS_Q8   563   /* 2.2: an edge farther off adds less than 1.4 % */
-#define BAND_MIN_PX_Q16   45875 /* 0.7 */
 #define BLUR_MIN_PX_Q16   26214 /* 0.4 */
 #define BLUR_MAX_PX_Q16   262144 /* 4 */
 #define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
-#define FINE_BITS         6
 /* Noise over contrast that counts: so many times the frame's median, and a little for small circles
  * whose neighbours' edges reach into their band. */
 #define NOISE_BINS        256u
@@ -31,32 +24,6 @@
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
 #define GAP_SIGMAS_Q8     384 /* 1.5 */
-#define REST_LIMIT_Q30    ((int64_t)2 << 30)
-
-/* One feature under refinement. */
-struct view {
-    struct ellipse      ellipse;
-    struct ellipse_root root;
-    int64_t             over_xx_q40;   /* 2^40 / B_xx: steps of p along a row, Q24 */
-    int64_t             over_yy_q40;
-    int64_t             slope_q24;     /* B_yx / B_xx */
-    uint32_t            size_px_q16;   /* R: geometric mean of the semi-axes */
-    int64_t             inverse_q24[3]; /* (R / h)^2 = i0 + i1 (pp - qq) + i2 2 p q, on the circle */
-    int32_t             blur_px_q16;
-    int64_t             gap_q16;       /* from the circle to the triangle, in circle radii */
-    int64_t             level_q30;     /* b and c so far; 0 in the first pass */
-    int64_t             contrast_q30;
-    bool                fine;
-};
-
-struct normal {
-    int64_t  matrix_q40[UNKNOWNS][UNKNOWNS];
-    int64_t  right_q48[UNKNOWNS];
-    int64_t  squares_q44;            /* second pass only */
-    int64_t  octant_squares_q44[8];
-    uint32_t octant_count[8];
-    uint32_t count;
-};
 
 /* exp(-t^2 / 2) by the normal density; 0 beyond t = 4. */
 static int64_t exp_q15(int64_t t_q16)
@@ -69,27 +36,33 @@ static int64_t exp_q15(int64_t t_q16)
     return (bell_q15 * FX_Q(2.5066283, 13)) >> 13;
 }
 
-void refine_init(struct refine *refine, struct arena *arena,
+void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
                  unsigned width)
 {
-    refine->luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
+    refine->rim.dsp = dsp;
+    refine->rim.luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
+    refine->rim.columns = arena_take(arena, DSP_COLUMNS * DSP_BATCH, sizeof(int16_t));
     refine->circle_ratio_q16 = settings->circle_ratio_q16;
     refine->kernel_sigma_px_q16 = kernel_sigma_px_q16;
 
     /* level(rho) = e + (1 - e) exp(-rho^2 / 2 sigma^2), over level(1). */
     const int64_t edge_q15 = settings->edge_level_q16 / 2;
     const uint32_t sigma_q16 = settings->gauss_sigma_q16 > 1024 ? settings->gauss_sigma_q16 : 1024;
-    refine->peak_over_q16 = ((int64_t)1 << 32) / sigma_q16;
-    const int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(refine->peak_over_q16)) >> 15);
-    refine->peak_base_q15 = (edge_q15 << 15) / rim_q15;
-    refine->peak_swing_q15 = ((32768 - edge_q15) << 15) / rim_q15;
+    const int64_t over_q16 = ((int64_t)1 << 32) / sigma_q16;
+    const int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
+    for (uint32_t i = 0; i <= RIM_PEAK_STEPS; i++) {
+        const int64_t rho_q16 = profile_root_q24((i << 24) / RIM_PEAK_STEPS) >> 8;
+        const int64_t level_q15 =
+            edge_q15 + (((32768 - edge_q15) * exp_q15((rho_q16 * over_q16) >> 16)) >> 15);
+        refine->rim.peak_q15[i] = (uint32_t)((level_q15 << 15) / rim_q15);
+    }
 }
 
 /* Fills what follows from the ellipse. |grad rho|^2 = p' (B'B)^-1 p on the unit circle: with B^-1 =
  * (1/x, 0; -y/(x z), 1/z) its matrix is B^-1 B'^-1 = (k0, k1; k1, k2), and p' K p = (k0 + k2)/2 +
  * (k0 - k2)/2 (pp - qq) + k1 2 p q. */
-static bool prepare_view(struct view *view)
+static bool prepare_view(struct rim_view *view)
 {
     if (!ellipse_take_root(&view->ellipse, &view->root)) {
         return false;
@@ -119,127 +92,15 @@ static bool prepare_view(struct view *view)
     return true;
 }
 
-/* Adds one pixel of brightness `grey_q4` at unit-frame place (p, q). */
-static void add_pixel(const struct refine *refine, const struct view *view, int64_t p_q24, int64_t q_q24, uint16_t grey_q4,
-                      struct normal *sum)
-{
-    const int64_t pp = fx_round_shift_i64(p_q24 * p_q24, 24);
-    const int64_t qq = fx_round_shift_i64(q_q24 * q_q24, 24);
-    const int64_t square = pp + qq;
-    if (square < (int64_t)1 << 18 || square > (int64_t)9 << 24) {
-        return;
-    }
-    const int64_t rho_q24 = profile_root_q24((uint32_t)square);
-    /* Directions: cos and sin of the single and double angle. */
-    const int64_t over_q16 = profile_inverse_q16((uint32_t)square);
-    const int64_t cos_q20 = fx_round_shift_i64(p_q24 * over_q16, 20);
-    const int64_t sin_q20 = fx_round_shift_i64(q_q24 * over_q16, 20);
-    const int64_t cos2_q20 = fx_round_shift_i64(cos_q20 * cos_q20 - sin_q20 * sin_q20, 20);
-    const int64_t sin2_q20 = fx_round_shift_i64(2 * cos_q20 * sin_q20, 20);
-    const int64_t inverse_q24 =
-        view->inverse_q24[0] +
-        fx_round_shift_i64(view->inverse_q24[1] * cos2_q20 + view->inverse_q24[2] * sin2_q20, 20);
-    if (inverse_q24 < (int64_t)1 << 14 || inverse_q24 > UINT32_MAX) {
-        return;
-    }
-    const int64_t h_q16 = profile_inverse_q16((uint32_t)inverse_q24); /* h / R */
-    /* Distance inside the edge. */
-    const int64_t h_px_q16 = fx_round_shift_i64(h_q16 * view->size_px_q16, 16);
-    const int64_t d_px_q16 = fx_round_shift_i64((((int64_t)1 << 24) - rho_q24) * h_px_q16, 24);
-    const int64_t band_px_q16 = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8) >> 8;
-    int64_t outside_px_q16 = fx_round_shift_i64(h_px_q16 * view->gap_q16, 16) -
-                             (((int64_t)view->blur_px_q16 * CLEAR_SIGMAS_Q8) >> 8);
-    outside_px_q16 = outside_px_q16 < BAND_MIN_PX_Q16 ? BAND_MIN_PX_Q16 : outside_px_q16;
-    if (d_px_q16 > band_px_q16 || -d_px_q16 > band_px_q16 || -d_px_q16 > outside_px_q16) {
-        return;
-    }
-    const int64_t t_q16 = d_px_q16 * 65536 / view->blur_px_q16;
-    int32_t bell_plain_q15;
-    const int64_t edge_plain_q15 = profile_edge((int32_t)t_q16, &bell_plain_q15);
-    int64_t peak_q15 = 32768;
-    if (rho_q24 < (int64_t)1 << 24) {
-        const int64_t over_q16_t = fx_round_shift_i64(rho_q24 * refine->peak_over_q16, 24);
-        peak_q15 = refine->peak_base_q15 +
-                   ((refine->peak_swing_q15 * exp_q15(over_q16_t)) >> 15);
-    }
-    const int64_t edge_q15 = fx_round_shift_i64(edge_plain_q15 * peak_q15, 15);
-    const int64_t bell_q15 = fx_round_shift_i64(bell_plain_q15 * peak_q15, 15);
-    const int64_t push_q20 = fx_round_shift_i64(bell_q15 * h_q16, 11);
-    const int64_t j_q20[UNKNOWNS] = {
-        fx_round_shift_i64(push_q20 * cos_q20, 20),
-        fx_round_shift_i64(push_q20 * sin_q20, 20),
-        push_q20,
-        fx_round_shift_i64(push_q20 * cos2_q20, 20),
-        fx_round_shift_i64(push_q20 * sin2_q20, 20),
-        (int64_t)1 << 20,
-        edge_q15 << 5,
-        -fx_round_shift_i64(t_q16 * bell_q15, 11),
-    };
-    int64_t rest_q30 = ((int64_t)grey_q4 << 18) - view->level_q30 -
-                       fx_round_shift_i64(view->contrast_q30 * edge_q15, 15);
-    if (view->fine) {
-        /* What is left is a few grey levels; beyond 1/32 of the range it is cut. */
-        rest_q30 *= 1 << FINE_BITS;
-        rest_q30 = rest_q30 > REST_LIMIT_Q30 ? REST_LIMIT_Q30 : rest_q30;
-        rest_q30 = rest_q30 < -REST_LIMIT_Q30 ? -REST_LIMIT_Q30 : rest_q30;
-        const int64_t square_q44 = (rest_q30 >> 8) * (rest_q30 >> 8);
-        const unsigned octant = (p_q24 < 0 ? 1u : 0u) + (q_q24 < 0 ? 2u : 0u) + (pp < qq ? 4u : 0u);
-        sum->squares_q44 += square_q44;
-        sum->octant_squares_q44[octant] += square_q44;
-        sum->octant_count[octant]++;
-    }
-    for (unsigned row = 0; row < UNKNOWNS; row++) {
-        for (unsigned col = 0; col <= row; col++) {
-            sum->matrix_q40[row][col] += j_q20[row] * j_q20[col];
-        }
-        sum->right_q48[row] += j_q20[row] * (rest_q30 >> 2);
-    }
-    sum->count++;
-}
-
-/* All pixels of the band, row by row. */
-static void gather_pixels(const struct refine *refine, const struct frame_view *frame,
-                          const struct view *view, struct normal *sum)
-{
-    /* The box of the ellipse: half sides root(S_xx), root(S_yy), and the band around it. */
-    const int64_t band = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8 >> 8) + 65536;
-    const int64_t half_y =
-        (int64_t)root_u64((uint64_t)view->ellipse.shape_yy_px2_q12 << 20) + band;
-    const int64_t half_x =
-        (int64_t)root_u64((uint64_t)view->ellipse.shape_xx_px2_q12 << 20) + band;
-    int64_t top = (view->ellipse.y_px_q16 - half_y) >> 16;
-    int64_t bottom = (view->ellipse.y_px_q16 + half_y) >> 16;
-    int64_t left = (view->ellipse.x_px_q16 - half_x) >> 16;
-    int64_t right = (view->ellipse.x_px_q16 + half_x) >> 16;
-    top = top < 0 ? 0 : top;
-    left = left < 0 ? 0 : left;
-    bottom = bottom >= frame->height_px ? frame->height_px - 1 : bottom;
-    right = right >= frame->width_px ? frame->width_px - 1 : right;
-    for (int64_t y = top; y <= bottom && left <= right; y++) {
-        luma_span(frame, (uint16_t)y, (uint16_t)left, (unsigned)(right - left + 1),
-                  refine->luma_grey_q4);
-        const int64_t dy_q16 = (y << 16) - view->ellipse.y_px_q16;
-        for (int64_t x = left; x <= right; x++) {
-            const int64_t dx_q16 = (x << 16) - view->ellipse.x_px_q16;
-            const int64_t p_q24 = fx_round_shift_i64(dx_q16 * view->over_xx_q40, 16);
-            const int64_t rest_q16 = dy_q16 - fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
-            const int64_t q_q24 = fx_round_shift_i64(rest_q16 * view->over_yy_q40, 16);
-            if (fx_abs_i64(p_q24) < (int64_t)4 << 24 && fx_abs_i64(q_q24) < (int64_t)4 << 24) {
-                add_pixel(refine, view, p_q24, q_q24, refine->luma_grey_q4[x - left], sum);
-            }
-        }
-    }
-}
-
 /* One least-squares solution; factored stays for the covariance. */
-static bool solve_pixels(const struct normal *sum, struct smallsolve *factored,
-                         int64_t solution_q30[UNKNOWNS])
+static bool solve_pixels(const struct rim_sums *sum, struct smallsolve *factored,
+                         int64_t solution_q30[RIM_UNKNOWNS])
 {
-    if (sum->count < 3 * UNKNOWNS) {
+    if (sum->count < 3 * RIM_UNKNOWNS) {
         return false;
     }
-    factored->size = UNKNOWNS;
-    for (unsigned row = 0; row < UNKNOWNS; row++) {
+    factored->size = RIM_UNKNOWNS;
+    for (unsigned row = 0; row < RIM_UNKNOWNS; row++) {
         for (unsigned col = 0; col <= row; col++) {
             factored->at_q30[row][col] =
                 fx_round_shift_i64(sum->matrix_q40[row][col] / sum->count, 10);
@@ -263,7 +124,7 @@ static int64_t part_over_whole_q30(int64_t part, int64_t whole)
 }
 
 /* Applies a solution whose geometric part is c theta R / s, given c on the same scale. */
-static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWNS],
+static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM_UNKNOWNS],
                            int64_t contrast_q30)
 {
     /* theta = part / c * s / R. */
@@ -277,7 +138,7 @@ static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWN
         const int64_t over_q30 = part_over_whole_q30(part, contrast_q30);
         step_q36[i] = fx_round_shift_i64(over_q30 * share_q24, 18);
     }
-    const int64_t blur_q30 = solution_q30[AT_BLUR];
+    const int64_t blur_q30 = solution_q30[RIM_BLUR];
     if (2 * fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
         return false;
     }
@@ -289,11 +150,11 @@ static bool apply_solution(struct view *view, const int64_t solution_q30[UNKNOWN
 
 /* sigma^2 = m^2 / c^2 s^2 / R^2 trace(B N^-1 B') / (2 n), m^2 the pixels' variance. noise_q52 is m^2
  * on the fine scale. */
-static bool find_sigma(const struct view *view, const struct normal *sum,
+static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
                        const struct smallsolve *factored, int64_t noise_q52, struct mark *mark)
 {
-    int64_t for_x_q30[UNKNOWNS] = {(int64_t)1 << 30};
-    int64_t for_y_q30[UNKNOWNS] = {0, (int64_t)1 << 30};
+    int64_t for_x_q30[RIM_UNKNOWNS] = {(int64_t)1 << 30};
+    int64_t for_y_q30[RIM_UNKNOWNS] = {0, (int64_t)1 << 30};
     if (!smallsolve_solve(factored, for_x_q30) || !smallsolve_solve(factored, for_y_q30)) {
         return false;
     }
@@ -319,18 +180,18 @@ static bool find_sigma(const struct view *view, const struct normal *sum,
 }
 
 /* What the solution leaves of the squares, per degree of freedom, on the fine scale; Q52. */
-static int64_t left_over_q52(const struct normal *sum, const int64_t solution_q30[UNKNOWNS])
+static int64_t left_over_q52(const struct rim_sums *sum, const int64_t solution_q30[RIM_UNKNOWNS])
 {
     int64_t left_q52 = sum->squares_q44 / sum->count * 256;
-    for (unsigned i = 0; i < UNKNOWNS; i++) {
+    for (unsigned i = 0; i < RIM_UNKNOWNS; i++) {
         const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[i] / sum->count, 18);
         left_q52 -= (solution_q30[i] >> 4) * (right_q30 >> 4);
     }
-    return left_q52 > 0 ? left_q52 / (sum->count - UNKNOWNS) * sum->count : 0;
+    return left_q52 > 0 ? left_q52 / (sum->count - RIM_UNKNOWNS) * sum->count : 0;
 }
 
 /* The noisiest eighth of the rim, over the contrast: what covers a part of a circle disturbs one side. */
-static uint16_t worst_octant_q16(const struct view *view, const struct normal *sum)
+static uint16_t worst_octant_q16(const struct rim_view *view, const struct rim_sums *sum)
 {
     int64_t worst_q44 = 0;
     for (unsigned i = 0; i < 8; i++) {
@@ -345,7 +206,7 @@ static uint16_t worst_octant_q16(const struct view *view, const struct normal *s
 }
 
 /* The brightness at unit-frame place (p, q), nearest pixel; false outside the frame. */
-static bool sample(const struct frame_view *frame, const struct view *view, int32_t p_q16,
+static bool sample(const struct frame_view *frame, const struct rim_view *view, int32_t p_q16,
                    int32_t q_q16, uint16_t *grey_q4)
 {
     const int64_t x_q16 = view->ellipse.x_px_q16 +
@@ -365,7 +226,7 @@ static bool sample(const struct frame_view *frame, const struct view *view, int3
 /* A first blur: a step of contrast c has, filtered, the slope c / (sqrt(2 pi) s_total), with s_total^2 =
  * s^2 + kernel^2. The contrast is four fifths of the centre's over the triangle's half way out. */
 static bool estimate_blur(const struct refine *refine, const struct frame_view *frame,
-                          const struct mark *mark, struct view *view)
+                          const struct mark *mark, struct rim_view *view)
 {
     static const int8_t directions[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
     const int32_t out_q16 = (int32_t)(65536 + view->gap_q16 / 2);
@@ -398,21 +259,21 @@ static bool estimate_blur(const struct refine *refine, const struct frame_view *
 
 /* Two passes over the pixels, from the blur in *view on. False leaves the mark as it was. */
 static bool fit_view(const struct refine *refine, const struct frame_view *frame,
-                     struct view *view, struct mark *mark)
+                     struct rim_view *view, struct mark *mark)
 {
     struct mark fitted = *mark;
     for (unsigned pass = 0; pass < 2; pass++) {
-        struct normal sum = {.count = 0};
-        struct smallsolve factored = {.size = UNKNOWNS};
-        int64_t solution_q30[UNKNOWNS];
-        gather_pixels(refine, frame, view, &sum);
+        struct rim_sums sum;
+        struct smallsolve factored = {.size = RIM_UNKNOWNS};
+        int64_t solution_q30[RIM_UNKNOWNS];
+        rim_gather(&refine->rim, frame, view, &sum);
         if (!solve_pixels(&sum, &factored, solution_q30)) {
             return false;
         }
-        int64_t scale_q30 = view->contrast_q30 * (1 << FINE_BITS);
+        int64_t scale_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
         if (!view->fine) {
-            view->level_q30 = solution_q30[AT_LEVEL];
-            view->contrast_q30 = solution_q30[AT_CONTRAST];
+            view->level_q30 = solution_q30[RIM_LEVEL];
+            view->contrast_q30 = solution_q30[RIM_CONTRAST];
             scale_q30 = view->contrast_q30;
             view->fine = true;
             /* Bright inside is positive contrast; anything else is another edge. */
@@ -443,9 +304,9 @@ static bool fit_view(const struct refine *refine, const struct frame_view *frame
     return true;
 }
 
-static bool start_view(const struct refine *refine, const struct mark *mark, struct view *view)
+static bool start_view(const struct refine *refine, const struct mark *mark, struct rim_view *view)
 {
-    *view = (struct view){
+    *view = (struct rim_view){
         .ellipse = mark->ellipse,
         .gap_q16 = ((int64_t)1 << 32) / refine->circle_ratio_q16 - 65536,
     };
@@ -461,7 +322,7 @@ static bool is_clean(const struct refine *refine, const struct mark *mark)
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
                       struct mark *mark)
 {
-    struct view view;
+    struct rim_view view;
     if (refine->blur_px_q16 == 0 || !start_view(refine, mark, &view)) {
         return false;
     }
@@ -502,7 +363,7 @@ static void visit_marks(struct refine *refine, const struct frame_view *frame,
             struct mark *mark = &marks->at[index];
             bool good;
             if (step == 0) {
-                struct view view;
+                struct rim_view view;
                 good = start_view(refine, mark, &view) &&
                        estimate_blur(refine, frame, mark, &view) &&
                        fit_view(refine, frame, &view, mark);

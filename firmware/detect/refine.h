@@ -23,15 +23,13 @@
 
 #include "firmware/detect/marks.h"
 #include "firmware/detect/patches.h"
+#include "firmware/detect/rim.h"
 #include "firmware/detect/steer.h"
 
 struct refine {
-    uint16_t *luma_grey_q4;      /* a row's span */
+    struct rim rim;
     uint32_t  circle_ratio_q16;
     uint32_t  kernel_sigma_px_q16;
-    int64_t   peak_base_q15;     /* g = base + swing exp(-rho^2 / 2 sigma^2) */
-    int64_t   peak_swing_q15;
-    int64_t   peak_over_q16;     /* 1 / sigma */
     int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
     uint32_t  noise_max_q16;     /* largest noise over contrast that counts,         */
     uint32_t  worst_max_q16;     /* and largest of one eighth of the rim             */
@@ -39,7 +37,7 @@ struct refine {
     uint32_t  refused;
 };
 
-void refine_init(struct refine *refine, struct arena *arena,
+void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
                  unsigned width);
 

@@ -1,0 +1,61 @@
+/* The pixels around a circle's rim: which they are, what each says, and the sums over all of them.
+ *
+ * This is the hot loop of refine.h, which has the model and its mathematics. A pixel's row of the Jacobian
+ * and what the model leaves of its brightness become nine 16-bit numbers; the sums over all pairs of
+ * them, the normal equations, are a row kernel's work (dsp.h). */
+#ifndef TESSERA_FIRMWARE_DETECT_RIM_H
+#define TESSERA_FIRMWARE_DETECT_RIM_H
+
+#include "firmware/detect/dsp.h"
+#include "firmware/detect/ellipse.h"
+#include "firmware/frame.h"
+
+#define RIM_UNKNOWNS   8u
+#define RIM_LEVEL      5u /* b */
+#define RIM_CONTRAST   6u /* c */
+#define RIM_BLUR       7u
+#define RIM_PEAK_STEPS 128u
+/* In the fine pass rests are 64 times larger on the same scale. */
+#define RIM_FINE_BITS  6
+
+/* One feature as the model has it so far. */
+struct rim_view {
+    struct ellipse      ellipse;
+    struct ellipse_root root;
+    int64_t             over_xx_q40;   /* 2^40 / B_xx: steps of p along a row, Q24 */
+    int64_t             over_yy_q40;
+    int64_t             slope_q24;     /* B_yx / B_xx */
+    uint32_t            size_px_q16;   /* R: geometric mean of the semi-axes */
+    int64_t             inverse_q24[3]; /* (R / h)^2 = i0 + i1 (pp - qq) + i2 2 p q, on the circle */
+    int32_t             blur_px_q16;
+    int64_t             gap_q16;       /* from the circle to the triangle, in circle radii */
+    int64_t             level_q30;     /* b and c so far; 0 in the first pass */
+    int64_t             contrast_q30;
+    bool                fine;
+};
+
+/* Working memory and the target's own profile. */
+struct rim {
+    const struct dsp_kernels *dsp;
+    uint16_t                 *luma_grey_q4; /* a row's span                                   */
+    int16_t                  *columns;      /* DSP_COLUMNS of DSP_BATCH                       */
+    /* g by rho^2 in steps of 1 / RIM_PEAK_STEPS, from the centre to the rim. */
+    uint32_t                  peak_q15[RIM_PEAK_STEPS + 1];
+};
+
+/* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 64
+ * times larger when view->fine). */
+struct rim_sums {
+    int64_t  matrix_q40[RIM_UNKNOWNS][RIM_UNKNOWNS]; /* lower triangle */
+    int64_t  right_q48[RIM_UNKNOWNS];
+    int64_t  squares_q44;            /* fine pass only, like the next two */
+    int64_t  octant_squares_q44[8];
+    uint32_t octant_count[8];
+    uint32_t count;
+};
+
+/* Visits the pixels of the band, row by row. */
+void rim_gather(const struct rim *rim, const struct frame_view *frame, const struct rim_view *view,
+                struct rim_sums *sums);
+
+#endif
