@@ -30,6 +30,12 @@ $(unit_host_BIN) $(gather_BIN): $O/tests/%: $O/tests/%.cc.o $O/libgather.a $(uni
 	$(call say,LINK,$@)
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng $(host_LDLIBS)
 
+# The detector's stages laid open, for tests/diff.
+dump_stages := $O/tests/dump_stages
+$(dump_stages): $(call objects,tests/diff/dump_stages.c) $(patsubst %,$O/lib%.a,firmware detect targetfile common)
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng -lm
+
 ## check: run every test on what is built (no installing)
 .PHONY: check
 check: tables layers names symbols unit sanitize system
@@ -51,5 +57,5 @@ unit-light: $(unit_BIN) $(gather_BIN)
 
 ## system: run the built programs as a user would (pytest)
 .PHONY: system
-system: all
-	@$(PYTHON) -m pytest -q tests/system
+system: all $(dump_stages)
+	@TESSERA_DUMP_STAGES=$(abspath $(dump_stages)) $(PYTHON) -m pytest -q tests/system tests/diff
