@@ -51,7 +51,7 @@ struct dsp_kernels {
     void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
     /* Adds to sums, for each row i and column j <= i, the sum over k < count of c[i][k] c[j][k], where column
      * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.
-     * |c| at most 2^12, in the last column 2^13: 32 products stay below 2^31. */
+     * |c| at most 4095: 128 products stay below 2^31. */
     void (*products)(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS]);
 };
 

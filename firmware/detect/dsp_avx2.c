@@ -13,6 +13,7 @@
 #define STORE_HALF(p, v) _mm_storeu_si128((__m128i *)(void *)(p), \
                                           _mm_packs_epi16(_mm256_castsi256_si128(v), \
                                                           _mm256_extracti128_si256(v, 1)))
+#define QUARTERS(v)      _mm_add_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))
 #define AND(a, b)        _mm256_and_si256(a, b)
 #define ANDNOT(a, b)     _mm256_andnot_si256(a, b)
 #define OR(a, b)         _mm256_or_si256(a, b)

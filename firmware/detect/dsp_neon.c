@@ -206,8 +206,8 @@ static inline __attribute__((always_inline)) void row_products(const int16_t *co
         }
     }
     for (unsigned col = 0; col <= row; col++) {
-        const int64x2_t pairs = vpaddlq_s32(partial[col]);
-        sums[col] += vgetq_lane_s64(pairs, 0) + vgetq_lane_s64(pairs, 1);
+        const int32x2_t halves = vadd_s32(vget_low_s32(partial[col]), vget_high_s32(partial[col]));
+        sums[col] += vget_lane_s32(vpadd_s32(halves, halves), 0);
     }
 }
 

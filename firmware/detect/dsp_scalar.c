@@ -72,7 +72,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
         for (unsigned col = 0; col <= row; col++) {
             const int16_t *a = columns + row * DSP_BATCH;
             const int16_t *b = columns + col * DSP_BATCH;
-            int64_t sum = 0;
+            int32_t sum = 0;
             for (unsigned k = 0; k < count; k++) {
                 sum += a[k] * b[k];
             }

@@ -10,6 +10,7 @@
 #define LOAD(p)          _mm_loadu_si128((const __m128i *)(const void *)(p))
 #define STORE(p, v)      _mm_storeu_si128((__m128i *)(void *)(p), v)
 #define STORE_HALF(p, v) _mm_storel_epi64((__m128i *)(void *)(p), _mm_packs_epi16(v, v))
+#define QUARTERS(v)      (v)
 #define AND(a, b)        _mm_and_si128(a, b)
 #define ANDNOT(a, b)     _mm_andnot_si128(a, b)
 #define OR(a, b)         _mm_or_si128(a, b)

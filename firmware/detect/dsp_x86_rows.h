@@ -4,6 +4,7 @@
  *   V(op)          the intrinsic of that width: V(add_epi16)(a, b)
  *   LOAD, STORE    unaligned, whole registers
  *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
+ *   QUARTERS       a 128-bit register of four sums over a register's 32-bit values
  *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
  *   KERNELS        the table's name; NAME its text
  *
@@ -238,11 +239,10 @@ static inline __attribute__((always_inline)) void row_products(const int16_t *co
         }
     }
     for (unsigned col = 0; col <= row; col++) {
-        int32_t lanes[LANES / 2];
-        STORE(lanes, partial[col]);
-        for (unsigned i = 0; i < LANES / 2; i++) {
-            sums[col] += lanes[i];
-        }
+        __m128i sum = QUARTERS(partial[col]);
+        sum = _mm_add_epi32(sum, _mm_shuffle_epi32(sum, 0x4e));
+        sum = _mm_add_epi32(sum, _mm_shuffle_epi32(sum, 0xb1));
+        sums[col] += _mm_cvtsi128_si32(sum);
     }
 }
 

@@ -1,4 +1,4 @@
-/* See rim.h. Unit-frame coordinates are Q24, directions Q20, Jacobian entries Q11, rests 14 bits. Shifts
+/* See rim.h. Unit-frame coordinates are Q24, directions Q20, Jacobian entries Q11, rests 13 bits. Shifts
  * that truncate do so in the last of 20 bits and more; the numbers of 11 bits are rounded. */
 #include "firmware/detect/rim.h"
 
@@ -13,7 +13,12 @@
 /* Rows and columns are visited so much beyond the band; the band itself is then exact. */
 #define SPAN_MARGIN_PX_Q16 8192
 #define REST            RIM_UNKNOWNS
-#define REST_LIMIT      8191
+#define REST_LIMIT      4095
+/* Below 2 in Q11 after rounding: what the products' kernel takes. */
+#define ENTRY_LIMIT_Q20 ((2 << 20) - 1024)
+#define PEAK_LIMIT_Q15  ((2 << 15) - 64)
+/* In circles of this size every second row settles the first pass; the second takes all. */
+#define THIN_MIN_PX_Q16 (5 << 16)
 
 static_assert(DSP_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 
@@ -24,6 +29,7 @@ struct band {
     int64_t over_blur_q24;    /* 1 / s: 2^40 / blur_px_q16 */
     int64_t outer_square_q16; /* rho^2 within which the whole band lies */
     int64_t inner_square_q16; /* and without; 0: the centre may be in it */
+    bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
 };
 
 static struct band make_band(const struct rim_view *view)
@@ -38,8 +44,10 @@ static struct band make_band(const struct rim_view *view)
     const int64_t i1 = view->inverse_q24[1] >> 8;
     const int64_t i2 = view->inverse_q24[2] >> 8;
     const int64_t swing_q24 = (int64_t)root_u64((uint64_t)(i1 * i1 + i2 * i2)) << 8;
-    const int64_t most = i0 + swing_q24 < UINT32_MAX ? i0 + swing_q24 : UINT32_MAX;
-    const int64_t least = i0 - swing_q24 > 1 << 14 ? i0 - swing_q24 : 1 << 14;
+    /* Directions are good to 2^-14, a share that the bounds leave room for. */
+    band.within_range = i0 - swing_q24 > 1 << 16 && i0 + swing_q24 < (int64_t)1 << 31;
+    const int64_t most = band.within_range ? i0 + swing_q24 : 1 << 24;
+    const int64_t least = band.within_range ? i0 - swing_q24 : 1 << 24;
     const int64_t over_minor_q24 = profile_root_q24((uint32_t)most) * (int64_t)101 / 100;
     const int64_t over_major_q24 = profile_root_q24((uint32_t)least) * (int64_t)99 / 100;
     const int64_t share_q16 = ((int64_t)1 << 32) / view->size_px_q16; /* 1 px over R */
@@ -77,7 +85,7 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
                               uint16_t grey_q4, int16_t *at, struct rim_sums *sums)
 {
     const uint64_t square = (uint64_t)(p_q24 * p_q24 + q_q24 * q_q24) >> 24;
-    if (square < 1 << 18 || square > (uint64_t)9 << 24) {
+    if (square - (1 << 18) > (uint64_t)9 << 24) { /* also when below 2^18 */
         return false;
     }
     /* Directions: cos and sin of the single and double angle. */
@@ -90,16 +98,14 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     const int64_t inverse_q24 =
         view->inverse_q24[0] +
         ((view->inverse_q24[1] * cos2_q20 + view->inverse_q24[2] * sin2_q20) >> 20);
-    if (inverse_q24 < 1 << 14 || inverse_q24 > UINT32_MAX) {
-        return false;
-    }
     const int64_t h_q16 = profile_inverse_q16((uint32_t)inverse_q24); /* h / R */
     /* Distance inside the edge. */
     const int64_t h_px_q16 = (h_q16 * view->size_px_q16) >> 16;
     const int64_t d_px_q16 = ((((int64_t)1 << 24) - rho_q24) * h_px_q16) >> 24;
     int64_t outside_px_q16 = ((h_px_q16 * view->gap_q16) >> 16) - band->clear_px_q16;
     outside_px_q16 = outside_px_q16 < BAND_MIN_PX_Q16 ? BAND_MIN_PX_Q16 : outside_px_q16;
-    if (fx_abs_i64(d_px_q16) > band->inside_px_q16 || -d_px_q16 > outside_px_q16) {
+    if (d_px_q16 > band->inside_px_q16 || -d_px_q16 > band->inside_px_q16 ||
+        -d_px_q16 > outside_px_q16) {
         return false;
     }
     const int64_t t_q16 = (d_px_q16 * band->over_blur_q24) >> 24;
@@ -108,7 +114,7 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     int64_t bell_q15 = bell_plain_q15;
     if (square < (uint64_t)1 << 24) {
         const int64_t peak = peak_q15(rim, (uint32_t)square);
-        if (peak >= 2 << 15) {
+        if (peak > PEAK_LIMIT_Q15) {
             return false; /* the middle of a target whose circles have faint rims */
         }
         edge_q15 = (edge_q15 * peak) >> 15;
@@ -116,7 +122,7 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     }
     /* Entries below 2. */
     int64_t push_q20 = (bell_q15 * h_q16) >> 11;
-    push_q20 = push_q20 < (2 << 20) - 1 ? push_q20 : (2 << 20) - 1;
+    push_q20 = push_q20 < ENTRY_LIMIT_Q20 ? push_q20 : ENTRY_LIMIT_Q20;
     at[0 * DSP_BATCH] = round_q11(push_q20 * cos_q20, 29);
     at[1 * DSP_BATCH] = round_q11(push_q20 * sin_q20, 29);
     at[2 * DSP_BATCH] = round_q11(push_q20, 9);
@@ -125,16 +131,16 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     at[RIM_LEVEL * DSP_BATCH] = 1 << 11;
     at[RIM_CONTRAST * DSP_BATCH] = round_q11(edge_q15, 4);
     at[RIM_BLUR * DSP_BATCH] = round_q11(-t_q16 * bell_q15, 20);
-    int64_t rest = grey_q4 * 2;
+    int64_t rest = grey_q4;
     if (view->fine) {
         /* What is left is a few grey levels; beyond 1/32 of the range it is cut. */
         const int64_t model_q30 = view->level_q30 + ((view->contrast_q30 * edge_q15) >> 15);
-        rest = fx_round_shift_i64(((int64_t)grey_q4 << 18) - model_q30, 12);
+        rest = fx_round_shift_i64(((int64_t)grey_q4 << 18) - model_q30, 13);
         rest = rest > REST_LIMIT ? REST_LIMIT : rest;
         rest = rest < -REST_LIMIT ? -REST_LIMIT : rest;
         const unsigned octant = (p_q24 < 0 ? 1u : 0u) + (q_q24 < 0 ? 2u : 0u) +
                                 (fx_abs_i64(p_q24) < fx_abs_i64(q_q24) ? 4u : 0u);
-        sums->octant_squares_q44[octant] += rest * rest * (1 << 20);
+        sums->octant_squares_q44[octant] += rest * rest * (1 << 22);
         sums->octant_count[octant]++;
     }
     at[REST * DSP_BATCH] = (int16_t)rest;
@@ -213,12 +219,12 @@ static void take_products(const struct rim_view *view, const struct batch *batch
             sums->matrix_q40[row][col] = batch->products[at++] * (1 << 18);
         }
     }
-    /* A rest is Q13 of 4096 grey_q4 in the first pass, where Q30 is wanted, Q12 of the enlarged scale later;
-     * times Q11, and Q20 times Q28 is wanted. */
+    /* A rest is Q12 of 4096 grey_q4 in the first pass and Q11 of the enlarged scale later; times Q11,
+     * and Q48 is wanted. */
     for (unsigned row = 0; row < RIM_UNKNOWNS; row++) {
-        sums->right_q48[row] = batch->products[at++] * ((int64_t)1 << (view->fine ? 25 : 24));
+        sums->right_q48[row] = batch->products[at++] * ((int64_t)1 << (view->fine ? 26 : 25));
     }
-    sums->squares_q44 = view->fine ? batch->products[at] * (1 << 20) : 0;
+    sums->squares_q44 = view->fine ? batch->products[at] * (1 << 22) : 0;
 }
 
 void rim_gather(const struct rim *rim, const struct frame_view *frame, const struct rim_view *view,
@@ -228,6 +234,10 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     const struct band band = make_band(view);
     struct batch batch = {.sums = sums};
     *sums = (struct rim_sums){.count = 0};
+    if (!band.within_range) {
+        return;
+    }
+    const int64_t step = view->fine || view->size_px_q16 < THIN_MIN_PX_Q16 ? 1 : 2;
     const int64_t half_y_q16 =
         (int64_t)root_u64(((uint64_t)e->shape_yy_px2_q12 * (uint64_t)band.outer_square_q16) << 4);
     int64_t top = (e->y_px_q16 - half_y_q16) >> 16;
@@ -238,7 +248,7 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     const int64_t across_px2_q12 =
         e->shape_xx_px2_q12 - ((e->shape_xy_px2_q12 * lean_q16) >> 16);
     const int64_t over_yy_q28 = ((int64_t)1 << 40) / e->shape_yy_px2_q12;
-    for (int64_t y = top; y <= bottom; y++) {
+    for (int64_t y = top; y <= bottom; y += step) {
         const int64_t dy_q16 = (y << 16) - e->y_px_q16;
         const int64_t v_q16 = (((dy_q16 * dy_q16) >> 16) * over_yy_q28) >> 28;
         const int64_t outer = half_width_px_q16(across_px2_q12, band.outer_square_q16, v_q16);
