@@ -8,9 +8,17 @@
 #define SMALLSOLVE_VALUE_LIMIT ((int64_t)1 << 38)
 /* |l_ij| is at most sqrt(a_ii / d_j); with pivots from 2^-22 that is 2^12 at worst: 2^42 in Q30. */
 
+static bool has_32_bits(int64_t value)
+{
+    return value == (int32_t)value;
+}
+
 /* a * b in Q30 where the product may need more than 63 bits: the larger factor gives up low bits. */
 static int64_t mul_wide_q30(int64_t a_q30, int64_t b_q30)
 {
+    if (has_32_bits(a_q30) && has_32_bits(b_q30)) {
+        return fx_mul_q30(a_q30, b_q30);
+    }
     const unsigned bits = fx_bits_i64(a_q30) + fx_bits_i64(b_q30);
     if (bits <= 62) {
         return fx_mul_q30(a_q30, b_q30);

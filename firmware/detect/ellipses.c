@@ -5,6 +5,9 @@
 #include "firmware/detect/directfit.h"
 #include "firmware/limits.h"
 
+/* The most points that a fit is given. */
+#define POINTS_ENOUGH 40u
+
 /* Chords, in points, over which arcs are looked for: 4 points follow circles of radius 3 px, 16 see the
  * bend of a radius of 100 px. */
 static const uint32_t arc_steps[] = {16, 4};
@@ -59,6 +62,26 @@ static bool turns_clockwise(const int32_t x_px_q16[], const int32_t y_px_q16[], 
     return area > 0;
 }
 
+/* Filtered points share their noise with four or five neighbours: of many, a few evenly chosen say nearly
+ * all. */
+struct thinned {
+    int32_t  x_px_q16[POINTS_ENOUGH];
+    int32_t  y_px_q16[POINTS_ENOUGH];
+    uint32_t count;
+};
+
+static void thin_points(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t count,
+                        struct thinned *out)
+{
+    const uint32_t step = (count + POINTS_ENOUGH - 1) / POINTS_ENOUGH;
+    out->count = 0;
+    for (uint32_t i = step / 2; i < count; i += step) {
+        out->x_px_q16[out->count] = x_px_q16[i];
+        out->y_px_q16[out->count] = y_px_q16[i];
+        out->count++;
+    }
+}
+
 /* Adds the ellipse through these points to the list, if there is a good one. */
 static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
                        const int32_t y_px_q16[], uint32_t count, uint16_t gradient_mean_q3,
@@ -68,9 +91,14 @@ static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
         .points = (uint16_t)count,
         .gradient_mean_q3 = gradient_mean_q3,
     };
-    if (count < ELLIPSES_POINTS_MIN ||
-        !directfit_ellipse(x_px_q16, y_px_q16, count, &item.ellipse) ||
-        !refit_ellipse(x_px_q16, y_px_q16, count, &item.ellipse, &item.quality) ||
+    struct thinned thinned;
+    if (count < ELLIPSES_POINTS_MIN) {
+        return false;
+    }
+    thin_points(x_px_q16, y_px_q16, count, &thinned);
+    if (!directfit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse) ||
+        !refit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse,
+                       &item.quality) ||
         !is_good(&item)) {
         return false;
     }
