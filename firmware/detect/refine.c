@@ -50,7 +50,8 @@ void refine_init(struct refine *refine, struct arena *arena, const struct dsp_ke
     const int64_t edge_q15 = settings->edge_level_q16 / 2;
     const uint32_t sigma_q16 = settings->gauss_sigma_q16 > 1024 ? settings->gauss_sigma_q16 : 1024;
     const int64_t over_q16 = ((int64_t)1 << 32) / sigma_q16;
-    const int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
+    int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
+    rim_q15 = rim_q15 > 0 ? rim_q15 : 1; /* a target may state circles that have no edge at all */
     for (uint32_t i = 0; i <= RIM_PEAK_STEPS; i++) {
         const int64_t rho_q16 = profile_root_q24((i << 24) / RIM_PEAK_STEPS) >> 8;
         const int64_t level_q15 =
