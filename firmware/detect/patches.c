@@ -1,5 +1,6 @@
-/* See patches.h. Image offsets from the anchor are held in its unit frame, p = B^-1 (x - c), Q20; patch
- * coordinates relative to the anchor, w = (u, v) - (u, v)_anchor, Q20. */
+/* See patches.h. Image offsets from the anchor are held in its unit frame, p = B^-1 (x - c), Q20, but with
+ * half its triangle's inradius as the unit, which does not depend on the circle's ratio; patch coordinates
+ * relative to the anchor, w = (u, v) - (u, v)_anchor, Q20. */
 #include "firmware/detect/patches.h"
 
 #include "common/fx/fx.h"
@@ -31,6 +32,7 @@ struct trial {
     const struct marks *marks;
     uint32_t            anchor;
     uint32_t            anchor_radius_q20; /* in sides */
+    uint32_t            unit_q20;          /* of p and q, in sides */
     uint32_t            count;
     struct patches_neighbour *neighbours;
     uint32_t            found[LAYOUT_FEATURES_MAX]; /* neighbour by feature, or MARKS_NONE */
@@ -81,6 +83,7 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
     const struct marks *marks = trial->marks;
     const struct mark *anchor = &marks->at[trial->anchor];
     trial->anchor_radius_q20 = patches->slots[LAYOUT_ANCHOR].radius_q20;
+    trial->unit_q20 = (uint32_t)layout_feature(patches->settings.levels, LAYOUT_ANCHOR)->inradius_q30 >> 11;
     /* Reach in anchor radii, and in pixels along the ellipse's larger axis. */
     const int64_t reach_radii_q8 = ((int64_t)patches->reach_q20 << 8) / trial->anchor_radius_q20;
     uint32_t major_px_q16;
@@ -116,8 +119,8 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
         }
         trial->neighbours[trial->count++] = (struct patches_neighbour){
             .mark = near[i],
-            .p_q20 = (int32_t)p_q20,
-            .q_q20 = (int32_t)q_q20,
+            .p_q20 = (int32_t)(p_q20 * trial->anchor_radius_q20 / trial->unit_q20),
+            .q_q20 = (int32_t)(q_q20 * trial->anchor_radius_q20 / trial->unit_q20),
             .radius_q20 = (uint32_t)(((uint64_t)mark->size_px_q16 * trial->anchor_radius_q20) /
                                      anchor->size_px_q16),
         };
@@ -142,9 +145,9 @@ static unsigned vote_turns(const struct trial *trial, const struct patches *patc
     uint16_t votes[TURN_BINS] = {0};
     for (uint32_t j = 0; j < trial->count; j++) {
         const struct patches_neighbour *n = &trial->neighbours[j];
-        const uint64_t radii_q20 =
+        const uint64_t units_q20 =
             root_u64((uint64_t)((int64_t)n->p_q20 * n->p_q20 + (int64_t)n->q_q20 * n->q_q20));
-        const int64_t distance_q20 = (int64_t)((radii_q20 * trial->anchor_radius_q20) >> 20);
+        const int64_t distance_q20 = (int64_t)((units_q20 * trial->unit_q20) >> 20);
         const uint16_t direction = turn_atan2_q16(n->q_q20, n->p_q20);
         for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
             const struct patches_slot *slot = &patches->slots[i];
@@ -282,21 +285,21 @@ static bool fit_map(const struct trial *trial, const struct patches *patches, un
 }
 
 /* The map for a patch whose u axis points along `turn` in the unit frame: a rotation by -turn, scaled by
- * the anchor's radius. */
-static struct patch_map turned_map(uint16_t turn, uint32_t anchor_radius_q20)
+ * its unit. */
+static struct patch_map turned_map(uint16_t turn, uint32_t unit_q20)
 {
     int32_t cos_q30;
     int32_t sin_q30;
     turn_cos_sin_q30(turn, &cos_q30, &sin_q30);
-    const int64_t c = fx_round_shift_i64((int64_t)cos_q30 * anchor_radius_q20, 17); /* times 8 */
-    const int64_t s = fx_round_shift_i64((int64_t)sin_q30 * anchor_radius_q20, 17);
+    const int64_t c = fx_round_shift_i64((int64_t)cos_q30 * unit_q20, 17); /* times 8 */
+    const int64_t s = fx_round_shift_i64((int64_t)sin_q30 * unit_q20, 17);
     return (struct patch_map){.u_q30 = {0, c, s}, .v_q30 = {0, -s, c}};
 }
 
 /* Whether the neighbours are the patch that lies along `turn`; then trial->found holds its features. */
 static bool try_turn(struct trial *trial, const struct patches *patches, uint16_t turn)
 {
-    struct patch_map map = turned_map(turn, trial->anchor_radius_q20);
+    struct patch_map map = turned_map(turn, trial->unit_q20);
     apply_map(trial, &map);
     unsigned found =
         match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_FIRST_Q20);

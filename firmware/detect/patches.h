@@ -33,7 +33,7 @@ struct patch {
 /* One neighbour of the anchor at hand, relative to it. */
 struct patches_neighbour {
     uint32_t mark;
-    int32_t  p_q20;      /* in the anchor's unit frame    */
+    int32_t  p_q20;      /* from the anchor: see patches.c */
     int32_t  q_q20;
     int32_t  u_q20;      /* in the patch, as mapped so far */
     int32_t  v_q20;
