@@ -55,6 +55,21 @@ sanitize:
 unit-light: $(unit_BIN) $(gather_BIN)
 	@$(PYTHON) tests/run_units.py $^
 
+# Frames at random under the sanitizers; a case that fails is kept as build/fuzz/frame_case.hex.
+fuzz_BIN := $O/tests/fuzz/drive_frame
+$(fuzz_BIN): $(call objects,tests/fuzz/drive_frame.c tests/fuzz/fuzz_frame.c) $(patsubst %,$O/lib%.a,detect vector common)
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $(filter %.o,$^) -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lm
+
+## fuzz: T=60 seconds of made-up frames through the detector under the sanitizers
+.PHONY: fuzz fuzz-run
+T ?= 60
+fuzz:
+	@$(MAKE) --no-print-directory SAN=1 fuzz-run
+fuzz-run: $(fuzz_BIN)
+	@mkdir -p build/fuzz
+	@$(fuzz_BIN) $T build/fuzz $(FIRST)
+
 ## system: run the built programs as a user would (pytest)
 .PHONY: system
 system: all $(dump_stages)
