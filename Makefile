@@ -9,13 +9,23 @@ ifeq ($(origin CC),default)
 CC  := gcc
 CXX := g++
 endif
+# ARCH=aarch64, armhf: the device's programs for another processor, static, into build/ARCH/bin.
+ARCH ?= native
+ifneq ($(ARCH),native)
+.DEFAULT_GOAL := all
+include tests/cross/$(ARCH).mk
+CC  := $(cross_prefix)gcc
+CXX := $(cross_prefix)gcc
+AR  := $(cross_prefix)ar
+cross_deps := build/deps/$(cross_debian)
+endif
 AR        ?= ar
 PKGCONFIG ?= pkg-config
 # Debian's own Python: the one that sees Debian's modules.
 PYTHON    ?= /usr/bin/python3
 
 # Variants live side by side, so that switching costs no rebuild.
-variant := native$(if $(SAN),-san)$(if $(filter-out gcc,$(CC)),-$(notdir $(CC)))
+variant := $(ARCH)$(if $(SAN),-san)$(if $(filter-out gcc $(cross_prefix)gcc,$(CC)),-$(notdir $(CC)))
 O       := build/$(variant)
 BIN     := $(if $(filter native,$(variant)),build/bin,$O/bin)
 
@@ -29,6 +39,11 @@ CPPFLAGS  := -I. -D_GNU_SOURCE -MMD -MP
 CFLAGS    := -std=c11 -O2 -g $(warn) -Wmissing-prototypes -Wstrict-prototypes $(sanitize)
 CXXFLAGS  := -std=c++17 -O2 -g $(warn) $(sanitize)
 LDFLAGS   := -Wl,--as-needed $(sanitize)
+ifneq ($(ARCH),native)
+CPPFLAGS += -isystem $(cross_deps) -isystem $(cross_deps)/usr/include
+LDFLAGS  += -static -L$O -L$(cross_deps)/usr/lib/$(patsubst %-,%,$(cross_prefix))
+cross_libs := -lz -lm
+endif
 # Third-party headers are system headers: their warnings are not ours.
 system_cflags = $(patsubst -I%,-isystem%,$(shell $(PKGCONFIG) --cflags $(1) 2>/dev/null))
 system_libs   = $(shell $(PKGCONFIG) --libs $(1))
@@ -53,9 +68,13 @@ $(BIN)/$(1): private LDLIBS := $($(1)_LDLIBS)
 $(call objects,$($(1)_SRC)): private part_flags := $($(1)_FLAGS)
 endef
 
-include common/objects.mk firmware/objects.mk host/objects.mk
+include common/objects.mk firmware/objects.mk
+ifeq ($(ARCH),native)
+include host/objects.mk
 include $(sort $(wildcard tools/*/objects.mk))
 include tests/objects.mk
+endif
+include tests/golden/objects.mk tests/cross/objects.mk
 
 $O/%.c.o: %.c
 	$(call say,CC,$<)
@@ -75,7 +94,7 @@ $O/lib%.a:
 $(PROGRAMS):
 	$(call say,LINK,$@)
 	$(Q)mkdir -p $(@D)
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $(filter %.o,$^) -Wl,--start-group $(filter %.a,$^) -Wl,--end-group $(LDLIBS)
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $(filter %.o,$^) -Wl,--start-group $(filter %.a,$^) -Wl,--end-group $(LDLIBS) $(cross_libs)
 
 -include $(shell find $O -name '*.d' 2>/dev/null)
 

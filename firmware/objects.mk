@@ -30,7 +30,9 @@ vector_SRC := \
   firmware/detect/dsp_neon.c \
 
 $(eval $(call library,vector))
-$O/firmware/detect/dsp_avx2.c.o: private part_flags := $(if $(findstring x86_64,$(shell $(CC) -dumpmachine)),-mavx2)
+machine := $(shell $(CC) -dumpmachine 2>/dev/null)
+$O/firmware/detect/dsp_avx2.c.o: private part_flags := $(if $(findstring x86_64,$(machine)),-mavx2)
+$O/firmware/detect/dsp_neon.c.o: private part_flags := $(if $(findstring arm-,$(machine)),-mfpu=neon)
 
 # The device's edge: capture, sockets, options, files.
 firmware_SRC := \

@@ -32,13 +32,13 @@ $(unit_host_BIN) $(gather_BIN): $O/tests/%: $O/tests/%.cc.o $O/libgather.a $(uni
 
 # The detector's stages laid open, for tests/diff.
 dump_stages := $O/tests/dump_stages
-$(dump_stages): $(call objects,tests/diff/dump_stages.c) $(patsubst %,$O/lib%.a,firmware detect targetfile common)
+$(dump_stages): $(call objects,tests/diff/dump_stages.c) $(patsubst %,$O/lib%.a,firmware detect vector targetfile common)
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lcjson -lpng -lm
 
 ## check: run every test on what is built (no installing)
 .PHONY: check
-check: tables layers names symbols unit sanitize system
+check: tables layers names symbols golden unit sanitize system
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit

@@ -3,6 +3,10 @@
 
 #include <stdio.h>
 #include <string.h>
+#if defined(DSP_HAS_NEON) && !defined(__aarch64__)
+#include <asm/hwcap.h>
+#include <sys/auxv.h>
+#endif
 
 #define CHOICES_MAX 4u
 
@@ -16,8 +20,12 @@ static unsigned list_choices(const struct dsp_kernels *out[CHOICES_MAX])
     }
     out[count++] = &dsp_sse2; /* part of the architecture */
 #endif
-#if defined(__ARM_NEON)
-    out[count++] = &dsp_neon; /* compiled for a processor that has it */
+#if defined(__aarch64__)
+    out[count++] = &dsp_neon; /* part of the architecture */
+#elif defined(DSP_HAS_NEON)
+    if ((getauxval(AT_HWCAP) & HWCAP_NEON) != 0) {
+        out[count++] = &dsp_neon;
+    }
 #endif
     out[count++] = &dsp_scalar;
     return count;

@@ -60,7 +60,9 @@ extern const struct dsp_kernels dsp_scalar;
 extern const struct dsp_kernels dsp_sse2;
 extern const struct dsp_kernels dsp_avx2;
 #endif
-#if defined(__ARM_NEON)
+/* ARMv7-A may lack NEON: there the processor is asked, too. */
+#if defined(__aarch64__) || (defined(__arm__) && __ARM_ARCH_PROFILE == 'A')
+#define DSP_HAS_NEON
 extern const struct dsp_kernels dsp_neon;
 #endif
 
