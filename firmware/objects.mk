@@ -15,6 +15,8 @@ detect_SRC := \
   firmware/detect/marks.c \
   firmware/detect/patches.c \
   firmware/detect/profile_table.c \
+  firmware/detect/boardmap.c \
+  firmware/detect/pattern.c \
   firmware/detect/rim.c \
   firmware/detect/refine.c \
   firmware/detect/lattice.c \

@@ -15,16 +15,8 @@
 #define LATTICE_OFF_MAX_PX_Q16 32768
 #define LATTICE_OFF_SHARE      6
 
-/* A feature's place on the board, in patch sides, and in the image. */
-struct lattice_pair {
-    int64_t u_q24;
-    int64_t v_q24;
-    int32_t x_px_q16;
-    int32_t y_px_q16;
-};
-
 struct lattice {
-    struct lattice_pair *pairs; /* of the fit at hand */
+    struct boardmap_pair *pairs; /* of the fit at hand */
     uint32_t *patch_of;  /* by row * cols + col of the target: index in the list, or MARKS_NONE */
     uint32_t  added;     /* features found here, of the frame */
     bool      truncated; /* a patch or mark had no room       */

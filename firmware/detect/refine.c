@@ -43,6 +43,8 @@ void refine_init(struct refine *refine, struct arena *arena, const struct dsp_ke
     refine->rim.dsp = dsp;
     refine->rim.luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
     refine->rim.columns = arena_take(arena, DSP_COLUMNS * DSP_BATCH, sizeof(int16_t));
+    refine->views = arena_take(arena, LAYOUT_FEATURES_MAX, sizeof(struct rim_view));
+    refine->pairs = arena_take(arena, LAYOUT_FEATURES_LEVEL2, sizeof(struct boardmap_pair));
     refine->circle_ratio_q16 = settings->circle_ratio_q16;
     refine->kernel_sigma_px_q16 = kernel_sigma_px_q16;
 
@@ -52,6 +54,7 @@ void refine_init(struct refine *refine, struct arena *arena, const struct dsp_ke
     const int64_t over_q16 = ((int64_t)1 << 32) / sigma_q16;
     int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
     rim_q15 = rim_q15 > 0 ? rim_q15 : 1; /* a target may state circles that have no edge at all */
+    refine->rim.over_rim_q15 = ((int64_t)1 << 30) / rim_q15;
     for (uint32_t i = 0; i <= RIM_PEAK_STEPS; i++) {
         const int64_t rho_q16 = profile_root_q24((i << 24) / RIM_PEAK_STEPS) >> 8;
         const int64_t level_q15 =
@@ -258,38 +261,42 @@ static bool estimate_blur(const struct refine *refine, const struct frame_view *
     return true;
 }
 
-/* Two passes over the pixels, from the blur in *view on. False leaves the mark as it was. */
-static bool fit_view(const struct refine *refine, const struct frame_view *frame,
+/* The first solution, from raw pixels and the blur in *view. False where there is no such circle. */
+static bool fit_coarse(const struct refine *refine, const struct frame_view *frame,
+                       struct rim_view *view, bool white)
+{
+    struct rim_sums sum;
+    struct smallsolve factored = {.size = RIM_UNKNOWNS};
+    int64_t solution_q30[RIM_UNKNOWNS];
+    rim_gather(&refine->rim, frame, view, &sum);
+    if (!solve_pixels(&sum, &factored, solution_q30)) {
+        return false;
+    }
+    view->level_q30 = solution_q30[RIM_LEVEL];
+    view->contrast_q30 = solution_q30[RIM_CONTRAST];
+    view->fine = true;
+    /* Bright inside is positive contrast; anything else is another edge. */
+    return fx_abs_i64(view->contrast_q30) >= CONTRAST_MIN_Q30 &&
+           (view->contrast_q30 > 0) == white &&
+           apply_solution(view, solution_q30, view->contrast_q30);
+}
+
+/* The second, from what the first left over; with the noise. False leaves the mark as it was. */
+static bool fit_fine(const struct refine *refine, const struct frame_view *frame,
                      struct rim_view *view, struct mark *mark)
 {
     struct mark fitted = *mark;
-    for (unsigned pass = 0; pass < 2; pass++) {
-        struct rim_sums sum;
-        struct smallsolve factored = {.size = RIM_UNKNOWNS};
-        int64_t solution_q30[RIM_UNKNOWNS];
-        rim_gather(&refine->rim, frame, view, &sum);
-        if (!solve_pixels(&sum, &factored, solution_q30)) {
-            return false;
-        }
-        int64_t scale_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
-        if (!view->fine) {
-            view->level_q30 = solution_q30[RIM_LEVEL];
-            view->contrast_q30 = solution_q30[RIM_CONTRAST];
-            scale_q30 = view->contrast_q30;
-            view->fine = true;
-            /* Bright inside is positive contrast; anything else is another edge. */
-            if (fx_abs_i64(scale_q30) < CONTRAST_MIN_Q30 || (scale_q30 > 0) != mark->white) {
-                return false;
-            }
-        } else if (!find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30),
-                               &fitted)) {
-            return false;
-        } else {
-            fitted.worst_q16 = worst_octant_q16(view, &sum);
-        }
-        if (!apply_solution(view, solution_q30, scale_q30)) {
-            return false;
-        }
+    struct rim_sums sum;
+    struct smallsolve factored = {.size = RIM_UNKNOWNS};
+    int64_t solution_q30[RIM_UNKNOWNS];
+    rim_gather(&refine->rim, frame, view, &sum);
+    if (!solve_pixels(&sum, &factored, solution_q30) ||
+        !find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30), &fitted)) {
+        return false;
+    }
+    fitted.worst_q16 = worst_octant_q16(view, &sum);
+    if (!apply_solution(view, solution_q30, view->contrast_q30 * (1 << RIM_FINE_BITS))) {
+        return false;
     }
     uint32_t major_px_q16;
     uint32_t minor_px_q16;
@@ -321,19 +328,70 @@ static bool is_clean(const struct refine *refine, const struct mark *mark)
 }
 
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
-                      struct mark *mark)
+                      const struct pattern_edges *edges, struct mark *mark)
 {
     struct rim_view view;
     if (refine->blur_px_q16 == 0 || !start_view(refine, mark, &view)) {
         return false;
     }
+    view.edges = *edges;
     view.blur_px_q16 = refine->blur_px_q16;
+    view.edge_blur_px_q16 = refine->edge_blur_px_q16;
     struct mark fitted = *mark;
-    if (!fit_view(refine, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
+    if (!fit_coarse(refine, frame, &view, mark->white) ||
+        !fit_fine(refine, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
         return false;
     }
     *mark = fitted;
     return true;
+}
+
+static void place_patch(const struct patches *patches, const struct patch *patch,
+                        struct pattern_patch *pattern)
+{
+    const struct target *target = patches->settings.target;
+    uint16_t row = 0;
+    uint16_t col = 0;
+    uint8_t turn = 0;
+    if (target != NULL && !target_find(target, patch->id, &row, &col, &turn)) {
+        target = NULL;
+    }
+    *pattern = (struct pattern_patch){
+        .target = target,
+        .levels = patches->settings.levels,
+        .id = patch->id,
+        .row = row,
+        .col = col,
+        .turned = turn != 0,
+    };
+}
+
+/* Tells every circle of the patch, from where they were found so far, what is printed around it, and how sharp
+ * the anchor says that edges are. */
+static void describe_patch(struct refine *refine, const struct patch *patch,
+                           const struct pattern_patch *pattern)
+{
+    const int32_t anchor_blur =
+        patch->marks[LAYOUT_ANCHOR] != MARKS_NONE ? refine->views[LAYOUT_ANCHOR].blur_px_q16 : 0;
+    uint32_t count = 0;
+    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        if (patch->marks[i] != MARKS_NONE) {
+            const struct layout_feature *f = layout_feature(pattern->levels, i);
+            struct boardmap_pair *pair = &refine->pairs[count++];
+            pattern_to_board(pattern, f->u_q30 >> 6, f->v_q30 >> 6, &pair->u_q24, &pair->v_q24);
+            pair->x_px_q16 = refine->views[i].ellipse.x_px_q16;
+            pair->y_px_q16 = refine->views[i].ellipse.y_px_q16;
+        }
+    }
+    struct boardmap map;
+    const bool mapped = boardmap_fit(refine->pairs, count, &map);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        if (patch->marks[i] != MARKS_NONE && mapped) {
+            pattern_edges_of(pattern, i, &map, &refine->views[i].edges);
+            refine->views[i].edge_blur_px_q16 =
+                anchor_blur > 0 ? anchor_blur : refine->views[i].blur_px_q16;
+        }
+    }
 }
 
 /* The value that half of the counted ones do not exceed. */
@@ -349,39 +407,59 @@ static uint32_t median_bin(const uint32_t bins[NOISE_BINS], uint32_t count)
     return NOISE_BINS - 1;
 }
 
-/* Visits every named mark: `step` 0 refines, 1 takes out what is too noisy. */
-static void visit_marks(struct refine *refine, const struct frame_view *frame,
-                        struct patches *patches, struct marks *marks, unsigned step,
-                        uint32_t bins[NOISE_BINS], int64_t *blur_sum_q16)
+/* Takes a feature out of its patch. */
+static void refuse(struct refine *refine, struct patch *patch, unsigned feature)
 {
-    for (uint32_t i = 0; i < patches->count; i++) {
-        struct patch *patch = &patches->at[i];
-        for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {
-            const uint32_t index = patch->marks[feature];
-            if (index == MARKS_NONE) {
-                continue;
+    patch->marks[feature] = MARKS_NONE;
+    patch->feature_count--;
+    refine->refused++;
+}
+
+struct blur_sums {
+    int64_t  all_q16;
+    int64_t  anchors_q16;
+    uint32_t anchors;
+};
+
+/* Refines one patch; gathers noise and blur. All circles take the first step before any takes the second:
+ * the triangles' edges follow from the circles, and are known better then. */
+static void refine_patch(struct refine *refine, const struct frame_view *frame,
+                         const struct patches *patches, struct patch *patch, struct marks *marks,
+                         uint32_t bins[NOISE_BINS], struct blur_sums *sums)
+{
+    struct pattern_patch pattern;
+    place_patch(patches, patch, &pattern);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        if (patch->marks[i] != MARKS_NONE &&
+            (!start_view(refine, &marks->at[patch->marks[i]], &refine->views[i]) ||
+             !estimate_blur(refine, frame, &marks->at[patch->marks[i]], &refine->views[i]))) {
+            refuse(refine, patch, i);
+        }
+    }
+    describe_patch(refine, patch, &pattern);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        if (patch->marks[i] != MARKS_NONE &&
+            !fit_coarse(refine, frame, &refine->views[i], marks->at[patch->marks[i]].white)) {
+            refuse(refine, patch, i);
+        }
+    }
+    describe_patch(refine, patch, &pattern);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        if (patch->marks[i] == MARKS_NONE) {
+            continue;
+        }
+        struct mark *mark = &marks->at[patch->marks[i]];
+        if (fit_fine(refine, frame, &refine->views[i], mark)) {
+            const uint32_t bin = mark->noise_q16 / NOISE_BIN_Q16;
+            bins[bin < NOISE_BINS ? bin : NOISE_BINS - 1]++;
+            sums->all_q16 += refine->views[i].blur_px_q16;
+            if (i == LAYOUT_ANCHOR) {
+                sums->anchors_q16 += refine->views[i].blur_px_q16;
+                sums->anchors++;
             }
-            struct mark *mark = &marks->at[index];
-            bool good;
-            if (step == 0) {
-                struct rim_view view;
-                good = start_view(refine, mark, &view) &&
-                       estimate_blur(refine, frame, mark, &view) &&
-                       fit_view(refine, frame, &view, mark);
-                if (good) {
-                    refine->refined++;
-                    const uint32_t bin = mark->noise_q16 / NOISE_BIN_Q16;
-                    bins[bin < NOISE_BINS ? bin : NOISE_BINS - 1]++;
-                    *blur_sum_q16 += view.blur_px_q16;
-                }
-            } else {
-                good = is_clean(refine, mark);
-            }
-            if (!good) {
-                patch->marks[feature] = MARKS_NONE;
-                patch->feature_count--;
-                refine->refused++;
-            }
+            refine->refined++;
+        } else {
+            refuse(refine, patch, i);
         }
     }
 }
@@ -390,20 +468,32 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
                   struct marks *marks)
 {
     uint32_t bins[NOISE_BINS] = {0};
-    int64_t blur_sum_q16 = 0;
+    struct blur_sums blurs = {0};
     refine->refined = 0;
     refine->refused = 0;
     refine->blur_px_q16 = 0;
     refine->noise_max_q16 = 0;
     refine->worst_max_q16 = 0;
-    visit_marks(refine, frame, patches, marks, 0, bins, &blur_sum_q16);
+    for (uint32_t i = 0; i < patches->count; i++) {
+        refine_patch(refine, frame, patches, &patches->at[i], marks, bins, &blurs);
+    }
     if (refine->refined == 0) {
         return;
     }
-    refine->blur_px_q16 = (int32_t)(blur_sum_q16 / refine->refined);
+    refine->blur_px_q16 = (int32_t)(blurs.all_q16 / refine->refined);
+    refine->edge_blur_px_q16 =
+        blurs.anchors > 0 ? (int32_t)(blurs.anchors_q16 / blurs.anchors) : refine->blur_px_q16;
     /* A circle with a tenth of its rim covered leaves a residual of 0.3 of its contrast. */
     const uint32_t median_q16 = (median_bin(bins, refine->refined) + 1) * NOISE_BIN_Q16;
     refine->noise_max_q16 = NOISE_SHARE * median_q16 + NOISE_SLACK_Q16;
     refine->worst_max_q16 = WORST_SHARE * median_q16 + WORST_SLACK_Q16;
-    visit_marks(refine, frame, patches, marks, 1, bins, &blur_sum_q16);
+    for (uint32_t i = 0; i < patches->count; i++) {
+        struct patch *patch = &patches->at[i];
+        for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {
+            if (patch->marks[feature] != MARKS_NONE &&
+                !is_clean(refine, &marks->at[patch->marks[feature]])) {
+                refuse(refine, patch, feature);
+            }
+        }
+    }
 }

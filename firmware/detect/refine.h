@@ -17,20 +17,27 @@
  * over removes the first one's linearisation and measures the noise. Pixels err independently, so the
  * solution's covariance is the centre's, and the Cramer-Rao limit is reached where the model holds.
  *
- * Only pixels near the edge speak: within 2 s, and far enough from the triangle's own edges. */
+ * Only pixels near the edge speak: within 2 s. The triangle's own edges reach into that band where the circle
+ * is small: where the colours behind them are known (pattern.h) they are part of the model, c / g(1) times
+ * their profile; where not, pixels near them are left out. */
 #ifndef TESSERA_FIRMWARE_DETECT_REFINE_H
 #define TESSERA_FIRMWARE_DETECT_REFINE_H
 
+#include "firmware/detect/boardmap.h"
 #include "firmware/detect/marks.h"
 #include "firmware/detect/patches.h"
+#include "firmware/detect/pattern.h"
 #include "firmware/detect/rim.h"
 #include "firmware/detect/steer.h"
 
 struct refine {
     struct rim rim;
+    struct boardmap_pair *pairs; /* of one patch                  */
+    struct rim_view *views;      /* of its features, by index     */
     uint32_t  circle_ratio_q16;
     uint32_t  kernel_sigma_px_q16;
     int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
+    int32_t   edge_blur_px_q16;  /* the same of large circles, for straight edges    */
     uint32_t  noise_max_q16;     /* largest noise over contrast that counts,         */
     uint32_t  worst_max_q16;     /* and largest of one eighth of the rim             */
     uint32_t  refined;           /* counters of the frame */
@@ -49,6 +56,6 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
 /* The same for one mark whose ellipse is a prediction, by the frame's typical blur and noise: ellipse, colour and
  * size must be set. False where there is no such circle; *mark is then unchanged. After refine_marks. */
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
-                      struct mark *mark);
+                      const struct pattern_edges *edges, struct mark *mark);
 
 #endif

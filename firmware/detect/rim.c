@@ -8,7 +8,10 @@
 #include "firmware/detect/profile.h"
 
 #define BAND_SIGMAS_Q8  512   /* 2 */
+/* How near, in blurs, to the triangle's edges: as far in every direction, for what the model of a small
+ * circle's rim lacks is the same all around, and must not be seen on one side only. */
 #define CLEAR_SIGMAS_Q8 563   /* 2.2: an edge farther off adds less than 1.4 % */
+#define CLEAR_KNOWN_Q8  307   /* 1.2: where the edges are part of the model */
 #define BAND_MIN_PX_Q16 45875 /* 0.7 */
 /* Rows and columns are visited so much beyond the band; the band itself is then exact. */
 #define SPAN_MARGIN_PX_Q16 8192
@@ -25,8 +28,9 @@ static_assert(DSP_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 /* What all pixels of a view share. */
 struct band {
     int64_t inside_px_q16;    /* 2 s */
-    int64_t clear_px_q16;     /* 2.2 s */
+    int64_t clear_px_q16;     /* 2.2 s, or 1.2 s */
     int64_t over_blur_q24;    /* 1 / s: 2^40 / blur_px_q16 */
+    int64_t over_edge_blur_q24;
     int64_t outer_square_q16; /* rho^2 within which the whole band lies */
     int64_t inner_square_q16; /* and without; 0: the centre may be in it */
     bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
@@ -36,8 +40,11 @@ static struct band make_band(const struct rim_view *view)
 {
     struct band band = {
         .inside_px_q16 = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8) >> 8,
-        .clear_px_q16 = ((int64_t)view->blur_px_q16 * CLEAR_SIGMAS_Q8) >> 8,
+        .clear_px_q16 = ((int64_t)view->blur_px_q16 *
+                         (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8)) >> 8,
         .over_blur_q24 = ((int64_t)1 << 40) / view->blur_px_q16,
+        .over_edge_blur_q24 =
+            view->edges.known ? ((int64_t)1 << 40) / view->edge_blur_px_q16 : 0,
     };
     /* R over the semi-axes: (R / h)^2 is i0 +- root(i1^2 + i2^2) at its ends; a percent to the safe side. */
     const int64_t i0 = view->inverse_q24[0];
@@ -78,11 +85,35 @@ static inline int16_t round_q11(int64_t value, unsigned shift)
     return (int16_t)fx_round_shift_i64(value, shift);
 }
 
-/* What one pixel of brightness `grey_q4` at unit-frame place (p, q) says, into the columns at `at`; false
- * when it is not in the band. */
+/* What the triangle's edges add at one pixel, in full swings from black to white, Q15, and how that grows with
+ * the logarithm of the blur. False beyond an edge. */
+static inline bool add_edges(const struct rim_view *view, const struct band *band,
+                             int64_t x_px_q16, int64_t y_px_q16, int64_t *swing_q15,
+                             int64_t *growth_q15)
+{
+    for (unsigned i = 0; i < view->edges.count; i++) {
+        const struct pattern_edge *edge = &view->edges.at[i];
+        const int64_t inside_px_q16 = (edge->nx_q15 * (x_px_q16 - edge->x_px_q16) +
+                                       edge->ny_q15 * (y_px_q16 - edge->y_px_q16)) >> 15;
+        if (inside_px_q16 < 0) {
+            return false;
+        }
+        const int64_t t_q16 = (inside_px_q16 * band->over_edge_blur_q24) >> 24;
+        if (t_q16 < (int64_t)4 << 16) {
+            int32_t bell_q15;
+            *swing_q15 += 32768 - profile_edge((int32_t)t_q16, &bell_q15);
+            *growth_q15 += (t_q16 * bell_q15) >> 16;
+        }
+    }
+    return true;
+}
+
+/* What one pixel of brightness `grey_q4` at unit-frame place (p, q), (x, y) in the image, says, into the
+ * columns at `at`; false when it is not in the band. */
 static inline bool read_pixel(const struct rim *rim, const struct rim_view *view,
                               const struct band *band, int64_t p_q24, int64_t q_q24,
-                              uint16_t grey_q4, int16_t *at, struct rim_sums *sums)
+                              int64_t x_px_q16, int64_t y_px_q16, uint16_t grey_q4, int16_t *at,
+                              struct rim_sums *sums)
 {
     const uint64_t square = (uint64_t)(p_q24 * p_q24 + q_q24 * q_q24) >> 24;
     if (square - (1 << 18) > (uint64_t)9 << 24) { /* also when below 2^18 */
@@ -108,6 +139,12 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
         -d_px_q16 > outside_px_q16) {
         return false;
     }
+    int64_t swing_q15 = 0;
+    int64_t growth_q15 = 0;
+    if (view->edges.known &&
+        !add_edges(view, band, x_px_q16, y_px_q16, &swing_q15, &growth_q15)) {
+        return false;
+    }
     const int64_t t_q16 = (d_px_q16 * band->over_blur_q24) >> 24;
     int32_t bell_plain_q15;
     int64_t edge_q15 = profile_edge((int32_t)t_q16, &bell_plain_q15);
@@ -120,6 +157,12 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
         edge_q15 = (edge_q15 * peak) >> 15;
         bell_q15 = (bell_q15 * peak) >> 15;
     }
+    /* Beyond an edge lies the circle's own colour in full. */
+    edge_q15 += (swing_q15 * rim->over_rim_q15) >> 15;
+    const int64_t blur_q15 = -((t_q16 * bell_q15) >> 16) + ((growth_q15 * rim->over_rim_q15) >> 15);
+    if (edge_q15 > PEAK_LIMIT_Q15 || fx_abs_i64(blur_q15) > PEAK_LIMIT_Q15) {
+        return false;
+    }
     /* Entries below 2. */
     int64_t push_q20 = (bell_q15 * h_q16) >> 11;
     push_q20 = push_q20 < ENTRY_LIMIT_Q20 ? push_q20 : ENTRY_LIMIT_Q20;
@@ -130,7 +173,7 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     at[4 * DSP_BATCH] = round_q11(push_q20 * sin2_q20, 29);
     at[RIM_LEVEL * DSP_BATCH] = 1 << 11;
     at[RIM_CONTRAST * DSP_BATCH] = round_q11(edge_q15, 4);
-    at[RIM_BLUR * DSP_BATCH] = round_q11(-t_q16 * bell_q15, 20);
+    at[RIM_BLUR * DSP_BATCH] = round_q11(blur_q15, 4);
     int64_t rest = grey_q4;
     if (view->fine) {
         /* What is left is a few grey levels; beyond 1/32 of the range it is cut. */
@@ -186,8 +229,8 @@ static void read_span(const struct rim *rim, const struct frame_view *frame,
     const int64_t p_step_q40 = view->over_xx_q40 * 65536;
     const int64_t q_step_q40 = -((view->slope_q24 * view->over_yy_q40) >> 8);
     for (int64_t i = 0; i <= last - first; i++) {
-        if (read_pixel(rim, view, band, p_q40 >> 16, q_q40 >> 16, rim->luma_grey_q4[i],
-                       rim->columns + batch->waiting, batch->sums)) {
+        if (read_pixel(rim, view, band, p_q40 >> 16, q_q40 >> 16, (first + i) << 16, y << 16,
+                       rim->luma_grey_q4[i], rim->columns + batch->waiting, batch->sums)) {
             batch->waiting++;
             if (batch->waiting == DSP_BATCH) {
                 sum_batch(rim, batch);

@@ -8,6 +8,7 @@
 
 #include "firmware/detect/dsp.h"
 #include "firmware/detect/ellipse.h"
+#include "firmware/detect/pattern.h"
 #include "firmware/frame.h"
 
 #define RIM_UNKNOWNS   8u
@@ -28,7 +29,9 @@ struct rim_view {
     uint32_t            size_px_q16;   /* R: geometric mean of the semi-axes */
     int64_t             inverse_q24[3]; /* (R / h)^2 = i0 + i1 (pp - qq) + i2 2 p q, on the circle */
     int32_t             blur_px_q16;
+    int32_t             edge_blur_px_q16; /* of straight edges: on a small disc blur looks different */
     int64_t             gap_q16;       /* from the circle to the triangle, in circle radii */
+    struct pattern_edges edges;        /* of the triangle                                 */
     int64_t             level_q30;     /* b and c so far; 0 in the first pass */
     int64_t             contrast_q30;
     bool                fine;
@@ -39,6 +42,7 @@ struct rim {
     const struct dsp_kernels *dsp;
     uint16_t                 *luma_grey_q4; /* a row's span                                   */
     int16_t                  *columns;      /* DSP_COLUMNS of DSP_BATCH                       */
+    int64_t                   over_rim_q15; /* full swing over the swing at the circle's edge */
     /* g by rho^2 in steps of 1 / RIM_PEAK_STEPS, from the centre to the rim. */
     uint32_t                  peak_q15[RIM_PEAK_STEPS + 1];
 };
