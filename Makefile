@@ -74,7 +74,7 @@ include host/objects.mk
 include $(sort $(wildcard tools/*/objects.mk))
 include tests/objects.mk
 endif
-include tests/golden/objects.mk tests/cross/objects.mk
+include tests/simd/objects.mk tests/golden/objects.mk tests/cross/objects.mk
 
 $O/%.c.o: %.c
 	$(call say,CC,$<)

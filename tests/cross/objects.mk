@@ -37,6 +37,6 @@ cross-deps:
 .PHONY: test-cross
 test-cross: cross-deps
 	@$(MAKE) --no-print-directory golden
-	@$(MAKE) --no-print-directory ARCH=aarch64 all golden
-	@$(MAKE) --no-print-directory ARCH=armhf all golden
+	@$(MAKE) --no-print-directory ARCH=aarch64 all simd golden
+	@$(MAKE) --no-print-directory ARCH=armhf all simd golden
 	@$(MAKE) --no-print-directory golden-m7
