@@ -50,7 +50,9 @@ system_libs   = $(shell $(PKGCONFIG) --libs $(1))
 
 # The core may not compute in floating point: this flag makes the compiler refuse it.
 # Sanitizers pad stack frames, so they are measured without.
-core_flags := -mgeneral-regs-only $(if $(SAN),,-Wframe-larger-than=2048)
+# GCC writes down calls and frames beside the objects, for `make size`.
+graph_flags := $(if $(SAN),,$(if $(findstring clang,$(CC)),,-fcallgraph-info=su))
+core_flags := -mgeneral-regs-only $(if $(SAN),,-Wframe-larger-than=2048) $(graph_flags)
 
 # $(call objects,SOURCES): their object files.
 objects = $(patsubst %,$O/%.o,$(1))

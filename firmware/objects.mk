@@ -31,10 +31,11 @@ vector_SRC := \
   firmware/detect/dsp_avx2.c \
   firmware/detect/dsp_neon.c \
 
+vector_FLAGS := $(graph_flags)
 $(eval $(call library,vector))
 machine := $(shell $(CC) -dumpmachine 2>/dev/null)
-$O/firmware/detect/dsp_avx2.c.o: private part_flags := $(if $(findstring x86_64,$(machine)),-mavx2)
-$O/firmware/detect/dsp_neon.c.o: private part_flags := $(if $(findstring arm-,$(machine)),-mfpu=neon)
+$O/firmware/detect/dsp_avx2.c.o: private part_flags := $(vector_FLAGS) $(if $(findstring x86_64,$(machine)),-mavx2)
+$O/firmware/detect/dsp_neon.c.o: private part_flags := $(vector_FLAGS) $(if $(findstring arm-,$(machine)),-mfpu=neon)
 
 # The device's edge: capture, sockets, options, files.
 firmware_SRC := \

@@ -38,7 +38,7 @@ $(dump_stages): $(call objects,tests/diff/dump_stages.c) $(patsubst %,$O/lib%.a,
 
 ## check: run every test on what is built (no installing)
 .PHONY: check
-check: tables layers names symbols simd golden unit sanitize system
+check: tables layers names symbols size simd golden unit sanitize system
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit

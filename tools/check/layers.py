@@ -30,6 +30,7 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
     "host/rig": (["host", "common"], ANY),
     "tools": (["tools", "host", "common", "firmware/detect", "firmware/frame.h"], ANY),
     "tools/bench": (["tools/bench", "common", "firmware"], ANY),
+    "tools/check": (["common", "firmware"], ANY),
     "tests": ([""], ANY),
 }
 STREETS = {

@@ -24,3 +24,19 @@ ifeq ($(SAN),)
 else
 	@echo 'symbols: skipped, for sanitizers add calls of their own'
 endif
+
+memory_limits := $O/tests/memory_limits
+$(memory_limits): $(call objects,tools/check/memory.c) $O/libdetect.a $O/libcommon.a
+	$(call say,LINK,$@)
+	$(Q)mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< -Wl,--start-group $(filter %.a,$^) -Wl,--end-group
+
+## size: the detector's memory and deepest stack, against their limits (stack: GCC, not with SAN=1)
+.PHONY: size
+size: $(memory_limits) $O/libcommon.a $O/libdetect.a $O/libvector.a
+	@$(memory_limits)
+ifeq ($(graph_flags),)
+	@echo 'size: stack not measured in this build'
+else
+	@$(PYTHON) tools/check/stack.py 16384 pipeline_run $(patsubst %.c,$O/%.c.ci,$(common_SRC) $(detect_SRC) $(vector_SRC))
+endif
