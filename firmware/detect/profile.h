@@ -1,5 +1,6 @@
 /* Looked-up functions of the photometric fit, by linear interpolation in tables
- * (tools/gen/profile_table.py states their errors, all below 3e-5). */
+ * (tools/gen/profile_table.py states the interpolation's errors; entries and results are rounded besides, to
+ * 1.5e-5 in Q15 and 3e-5 in Q14). */
 #ifndef TESSERA_FIRMWARE_DETECT_PROFILE_H
 #define TESSERA_FIRMWARE_DETECT_PROFILE_H
 
@@ -40,7 +41,7 @@ static inline unsigned profile_even_shift(uint32_t x)
     return (unsigned)__builtin_clz(x) & ~1u;
 }
 
-/* sqrt of x_q24, Q24; relative error 3e-5. */
+/* sqrt of x_q24, Q24; relative error 7e-5. */
 static inline uint32_t profile_root_q24(uint32_t x_q24)
 {
     if (x_q24 == 0) {
@@ -54,7 +55,7 @@ static inline uint32_t profile_root_q24(uint32_t x_q24)
     return (uint32_t)(((uint64_t)root_q14 << 13) >> (shift / 2));
 }
 
-/* 1 / sqrt of x_q24, Q16, for x at least 2^-12; relative error 3e-5. */
+/* 1 / sqrt of x_q24, Q16, for x at least 2^-12; relative error 7e-5. */
 static inline uint32_t profile_inverse_q16(uint32_t x_q24)
 {
     assert(x_q24 >= 1u << 12);
