@@ -122,6 +122,30 @@ static bool agrees(const struct mark *found, const struct mark *predicted)
     return dx * dx + dy * dy <= off * off && grown * 8 <= size + 2 * LATTICE_OFF_MAX_PX_Q16;
 }
 
+/* The light of the patch itself, or of the nearest one in which it is known. */
+static struct patch_light nearby_light(const struct lattice *lattice, const struct patches *patches,
+                                       unsigned row, unsigned col)
+{
+    const struct target *target = patches->settings.target;
+    const struct patch_light dark = {0};
+    for (int ring = 0; ring <= REACH_CELLS; ring++) {
+        for (int r = (int)row - ring; r <= (int)row + ring; r++) {
+            for (int c = (int)col - ring; c <= (int)col + ring; c++) {
+                if (r < 0 || c < 0 || r >= target->rows || c >= target->cols) {
+                    continue;
+                }
+                const uint32_t index = lattice->patch_of[(unsigned)r * target->cols + (unsigned)c];
+                if (index != MARKS_NONE &&
+                    (patches->at[index].light.white_slope_q30[0] != 0 ||
+                     patches->at[index].light.white_slope_q30[1] != 0)) {
+                    return patches->at[index].light;
+                }
+            }
+        }
+    }
+    return dark;
+}
+
 /* Looks for one feature where the map says; adds a mark for it. */
 static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
                          const struct frame_view *frame, const struct boardmap *map,
@@ -152,8 +176,9 @@ static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
     };
     struct pattern_edges edges;
     pattern_edges_of(&pattern, feature, map, &edges);
+    const struct patch_light light = nearby_light(lattice, patches, row, col);
     struct mark found = predicted;
-    if (!refine_predicted(refine, frame, &edges, &found) || !agrees(&found, &predicted)) {
+    if (!refine_predicted(refine, frame, &edges, &light, &found) || !agrees(&found, &predicted)) {
         return MARKS_NONE;
     }
     if (marks->count == marks->size) {

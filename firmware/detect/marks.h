@@ -27,6 +27,9 @@ struct mark {
     uint32_t       sigma_px_q20;  /* of the centre, per axis         */
     uint32_t       next;          /* in its grid cell                */
     uint16_t       gradient_q3;   /* mean of the filtered edge's slope */
+    int32_t        blur_px_q16;   /* of the profile fit: refine.h; and                 */
+    int32_t        level_q30;     /* the brightness around the circle, of 4096 grey_q4, */
+    int32_t        contrast_q30;  /* and what the circle adds; 0 before the fit        */
     uint16_t       noise_q16;     /* once refined: pixel noise over contrast, saturated; */
     uint16_t       worst_q16;     /* and that of the noisiest eighth of the rim          */
     bool           white;

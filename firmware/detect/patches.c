@@ -355,6 +355,7 @@ static bool read_patch(struct trial *trial, struct patches *patches, struct patc
     }
     out->id = id;
     out->feature_count = 0;
+    out->light = (struct patch_light){0};
     const unsigned features = layout_feature_count(levels);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         uint32_t mark = MARKS_NONE;
@@ -435,6 +436,7 @@ uint32_t patches_add_empty(struct patches *patches, uint16_t id)
     struct patch *patch = &patches->at[patches->count];
     patch->id = id;
     patch->feature_count = 0;
+    patch->light = (struct patch_light){0};
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         patch->marks[i] = MARKS_NONE;
     }

@@ -24,9 +24,17 @@ struct patches_settings {
     const struct target *target;           /* NULL: any id may be seen                 */
 };
 
+/* How the brightness of black and of white changes over a patch, per pixel along x and y, Q30 of 4096
+ * grey_q4. */
+struct patch_light {
+    int32_t black_slope_q30[2];
+    int32_t white_slope_q30[2];
+};
+
 struct patch {
     uint16_t id;
     uint16_t feature_count;
+    struct patch_light light; /* once refined */
     uint32_t marks[LAYOUT_FEATURES_MAX]; /* by feature index; MARKS_NONE where not found */
 };
 

@@ -21,6 +21,14 @@
 #define WORST_SHARE       3u
 #define WORST_SLACK_Q16   1400u /* 0.021 */
 #define OCTANT_PIXELS_MIN 4u
+/* Planes through black and white: six circles at least, over some ten pixels; slopes up to a 64th of the
+ * range a pixel. Offsets are in units of 2^10 px, Q30. */
+#define LIGHT_CIRCLES_MIN 6u
+#define LIGHT_NEAR_MAX    256u
+#define LIGHT_REACH_SIZES 14u /* around the anchor: one patch and a half */
+#define LIGHT_SCALE       16
+#define LIGHT_PIVOT_Q30   ((int64_t)1 << 15)
+#define LIGHT_LIMIT_Q30   ((int64_t)1 << 24)
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
 #define GAP_SIGMAS_Q8     384 /* 1.5 */
@@ -44,6 +52,7 @@ void refine_init(struct refine *refine, struct arena *arena, const struct dsp_ke
     refine->rim.luma_grey_q4 = arena_take(arena, width, sizeof(uint16_t));
     refine->rim.columns = arena_take(arena, DSP_COLUMNS * DSP_BATCH, sizeof(int16_t));
     refine->views = arena_take(arena, LAYOUT_FEATURES_MAX, sizeof(struct rim_view));
+    refine->near = arena_take(arena, LIGHT_NEAR_MAX, sizeof(uint32_t));
     refine->pairs = arena_take(arena, LAYOUT_FEATURES_LEVEL2, sizeof(struct boardmap_pair));
     refine->circle_ratio_q16 = settings->circle_ratio_q16;
     refine->kernel_sigma_px_q16 = kernel_sigma_px_q16;
@@ -327,14 +336,28 @@ static bool is_clean(const struct refine *refine, const struct mark *mark)
     return mark->noise_q16 <= refine->noise_max_q16 && mark->worst_q16 <= refine->worst_max_q16;
 }
 
+/* A black circle goes from white (b) to rim_level of the way to black; a white one the other way. */
+static void tilt_light(const struct refine *refine, const struct patch_light *light, bool white,
+                       struct rim_view *view)
+{
+    for (unsigned axis = 0; axis < 2; axis++) {
+        const int64_t outside = white ? light->black_slope_q30[axis] : light->white_slope_q30[axis];
+        const int64_t inside = white ? light->white_slope_q30[axis] : light->black_slope_q30[axis];
+        view->level_slope_q30[axis] = outside;
+        view->contrast_slope_q30[axis] = (inside - outside) * 32768 / refine->rim.over_rim_q15;
+    }
+}
+
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
-                      const struct pattern_edges *edges, struct mark *mark)
+                      const struct pattern_edges *edges, const struct patch_light *light,
+                      struct mark *mark)
 {
     struct rim_view view;
     if (refine->blur_px_q16 == 0 || !start_view(refine, mark, &view)) {
         return false;
     }
     view.edges = *edges;
+    tilt_light(refine, light, mark->white, &view);
     view.blur_px_q16 = refine->blur_px_q16;
     view.edge_blur_px_q16 = refine->edge_blur_px_q16;
     struct mark fitted = *mark;
@@ -415,17 +438,88 @@ static void refuse(struct refine *refine, struct patch *patch, unsigned feature)
     refine->refused++;
 }
 
+/* The slopes of the plane through the brightness around those circles that are white (their triangles black)
+ * or black: least squares about the means. False for circles that are few or nearly stand on a line. */
+static bool fit_slopes(const struct marks *marks, const uint32_t near[], uint32_t near_count,
+                       bool white, int32_t slope_q30[2])
+{
+    int64_t mean_x = 0;
+    int64_t mean_y = 0;
+    int64_t mean = 0;
+    int64_t count = 0;
+    for (uint32_t i = 0; i < near_count; i++) {
+        const struct mark *mark = &marks->at[near[i]];
+        if (mark->contrast_q30 != 0 && mark->white == white) {
+            mean_x += mark->ellipse.x_px_q16;
+            mean_y += mark->ellipse.y_px_q16;
+            mean += mark->level_q30;
+            count++;
+        }
+    }
+    if (count < LIGHT_CIRCLES_MIN) {
+        return false;
+    }
+    mean_x /= count;
+    mean_y /= count;
+    mean /= count;
+    struct smallsolve normal = {.size = 2};
+    int64_t right[2] = {0};
+    for (uint32_t i = 0; i < near_count; i++) {
+        const struct mark *mark = &marks->at[near[i]];
+        if (mark->contrast_q30 == 0 || mark->white != white) {
+            continue;
+        }
+        const int64_t x = (mark->ellipse.x_px_q16 - mean_x) * LIGHT_SCALE;
+        const int64_t y = (mark->ellipse.y_px_q16 - mean_y) * LIGHT_SCALE;
+        if (fx_abs_i64(x) > (int64_t)1 << 31 || fx_abs_i64(y) > (int64_t)1 << 31) {
+            return false;
+        }
+        normal.at_q30[0][0] += fx_mul_q30(x, x) / count;
+        normal.at_q30[1][0] += fx_mul_q30(x, y) / count;
+        normal.at_q30[1][1] += fx_mul_q30(y, y) / count;
+        right[0] += fx_mul_q30(x, mark->level_q30 - mean) / count;
+        right[1] += fx_mul_q30(y, mark->level_q30 - mean) / count;
+    }
+    if (!smallsolve_factor(&normal, LIGHT_PIVOT_Q30) || !smallsolve_solve(&normal, right)) {
+        return false;
+    }
+    for (unsigned axis = 0; axis < 2; axis++) {
+        const int64_t slope = fx_round_shift_i64(right[axis], 10);
+        if (fx_abs_i64(slope) > LIGHT_LIMIT_Q30) {
+            return false;
+        }
+        slope_q30[axis] = (int32_t)slope;
+    }
+    return true;
+}
+
+/* How the light falls on a patch: from what the first fits say of black and white there and around. */
+static void find_light(struct refine *refine, struct patch *patch, const struct marks *marks)
+{
+    struct patch_light light = {0};
+    if (patch->marks[LAYOUT_ANCHOR] == MARKS_NONE) {
+        return;
+    }
+    const struct mark *anchor = &marks->at[patch->marks[LAYOUT_ANCHOR]];
+    const uint32_t count =
+        marks_near(marks, anchor->ellipse.x_px_q16, anchor->ellipse.y_px_q16,
+                   fx_saturate_u16(anchor->size_px_q16 >> 10) * (LIGHT_REACH_SIZES << 10),
+                   refine->near, LIGHT_NEAR_MAX);
+    if (fit_slopes(marks, refine->near, count, true, light.black_slope_q30) &&
+        fit_slopes(marks, refine->near, count, false, light.white_slope_q30)) {
+        patch->light = light;
+    }
+}
+
 struct blur_sums {
     int64_t  all_q16;
     int64_t  anchors_q16;
     uint32_t anchors;
 };
 
-/* Refines one patch; gathers noise and blur. All circles take the first step before any takes the second:
- * the triangles' edges follow from the circles, and are known better then. */
-static void refine_patch(struct refine *refine, const struct frame_view *frame,
-                         const struct patches *patches, struct patch *patch, struct marks *marks,
-                         uint32_t bins[NOISE_BINS], struct blur_sums *sums)
+/* The first step of all circles of a patch, kept in their marks. */
+static void refine_coarsely(struct refine *refine, const struct frame_view *frame,
+                            const struct patches *patches, struct patch *patch, struct marks *marks)
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
@@ -438,23 +532,59 @@ static void refine_patch(struct refine *refine, const struct frame_view *frame,
     }
     describe_patch(refine, patch, &pattern);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
-        if (patch->marks[i] != MARKS_NONE &&
-            !fit_coarse(refine, frame, &refine->views[i], marks->at[patch->marks[i]].white)) {
+        if (patch->marks[i] == MARKS_NONE) {
+            continue;
+        }
+        struct mark *mark = &marks->at[patch->marks[i]];
+        const struct rim_view *view = &refine->views[i];
+        if (fit_coarse(refine, frame, &refine->views[i], mark->white)) {
+            mark->ellipse = view->ellipse;
+            mark->size_px_q16 = view->size_px_q16;
+            mark->blur_px_q16 = view->blur_px_q16;
+            mark->level_q30 = fx_saturate_i32(view->level_q30);
+            mark->contrast_q30 = fx_saturate_i32(view->contrast_q30);
+        } else {
             refuse(refine, patch, i);
         }
     }
+}
+
+/* The second step, with what all circles around have said of edges and light; gathers noise and blur. */
+static void refine_finely(struct refine *refine, const struct frame_view *frame,
+                          const struct patches *patches, struct patch *patch, struct marks *marks,
+                          uint32_t bins[NOISE_BINS], struct blur_sums *sums)
+{
+    struct pattern_patch pattern;
+    place_patch(patches, patch, &pattern);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        if (patch->marks[i] == MARKS_NONE) {
+            continue;
+        }
+        const struct mark *mark = &marks->at[patch->marks[i]];
+        struct rim_view *view = &refine->views[i];
+        if (!start_view(refine, mark, view)) {
+            refuse(refine, patch, i);
+        }
+        view->blur_px_q16 = mark->blur_px_q16;
+        view->level_q30 = mark->level_q30;
+        view->contrast_q30 = mark->contrast_q30;
+        view->fine = true;
+    }
     describe_patch(refine, patch, &pattern);
+    find_light(refine, patch, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         if (patch->marks[i] == MARKS_NONE) {
             continue;
         }
         struct mark *mark = &marks->at[patch->marks[i]];
-        if (fit_fine(refine, frame, &refine->views[i], mark)) {
+        struct rim_view *view = &refine->views[i];
+        tilt_light(refine, &patch->light, mark->white, view);
+        if (fit_fine(refine, frame, view, mark)) {
             const uint32_t bin = mark->noise_q16 / NOISE_BIN_Q16;
             bins[bin < NOISE_BINS ? bin : NOISE_BINS - 1]++;
-            sums->all_q16 += refine->views[i].blur_px_q16;
+            sums->all_q16 += view->blur_px_q16;
             if (i == LAYOUT_ANCHOR) {
-                sums->anchors_q16 += refine->views[i].blur_px_q16;
+                sums->anchors_q16 += view->blur_px_q16;
                 sums->anchors++;
             }
             refine->refined++;
@@ -475,7 +605,10 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
     refine->noise_max_q16 = 0;
     refine->worst_max_q16 = 0;
     for (uint32_t i = 0; i < patches->count; i++) {
-        refine_patch(refine, frame, patches, &patches->at[i], marks, bins, &blurs);
+        refine_coarsely(refine, frame, patches, &patches->at[i], marks);
+    }
+    for (uint32_t i = 0; i < patches->count; i++) {
+        refine_finely(refine, frame, patches, &patches->at[i], marks, bins, &blurs);
     }
     if (refine->refined == 0) {
         return;

@@ -17,6 +17,9 @@
  * over removes the first one's linearisation and measures the noise. Pixels err independently, so the
  * solution's covariance is the centre's, and the Cramer-Rao limit is reached where the model holds.
  *
+ * Light that falls unevenly tilts b and c over the circle, which would draw the centre to the bright side: the
+ * second pass takes their slopes from planes through the black and the white around many circles.
+ *
  * Only pixels near the edge speak: within 2 s. The triangle's own edges reach into that band where the circle
  * is small: where the colours behind them are known (pattern.h) they are part of the model, c / g(1) times
  * their profile; where not, pixels near them are left out. */
@@ -34,6 +37,7 @@ struct refine {
     struct rim rim;
     struct boardmap_pair *pairs; /* of one patch                  */
     struct rim_view *views;      /* of its features, by index     */
+    uint32_t *near;              /* circles whose light is looked at */
     uint32_t  circle_ratio_q16;
     uint32_t  kernel_sigma_px_q16;
     int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
@@ -56,6 +60,7 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
 /* The same for one mark whose ellipse is a prediction, by the frame's typical blur and noise: ellipse, colour and
  * size must be set. False where there is no such circle; *mark is then unchanged. After refine_marks. */
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
-                      const struct pattern_edges *edges, struct mark *mark);
+                      const struct pattern_edges *edges, const struct patch_light *light,
+                      struct mark *mark);
 
 #endif

@@ -177,7 +177,15 @@ static inline bool read_pixel(const struct rim *rim, const struct rim_view *view
     int64_t rest = grey_q4;
     if (view->fine) {
         /* What is left is a few grey levels; beyond 1/32 of the range it is cut. */
-        const int64_t model_q30 = view->level_q30 + ((view->contrast_q30 * edge_q15) >> 15);
+        const int64_t dx_q16 = x_px_q16 - view->ellipse.x_px_q16;
+        const int64_t dy_q16 = y_px_q16 - view->ellipse.y_px_q16;
+        const int64_t level_q30 =
+            view->level_q30 + ((view->level_slope_q30[0] * dx_q16 +
+                                view->level_slope_q30[1] * dy_q16) >> 16);
+        const int64_t contrast_q30 =
+            view->contrast_q30 + ((view->contrast_slope_q30[0] * dx_q16 +
+                                   view->contrast_slope_q30[1] * dy_q16) >> 16);
+        const int64_t model_q30 = level_q30 + ((contrast_q30 * edge_q15) >> 15);
         rest = fx_round_shift_i64(((int64_t)grey_q4 << 18) - model_q30, 13);
         rest = rest > REST_LIMIT ? REST_LIMIT : rest;
         rest = rest < -REST_LIMIT ? -REST_LIMIT : rest;

@@ -34,6 +34,10 @@ struct rim_view {
     struct pattern_edges edges;        /* of the triangle                                 */
     int64_t             level_q30;     /* b and c so far; 0 in the first pass */
     int64_t             contrast_q30;
+    /* How b and c change across the circle, per pixel along x and y: light that falls unevenly. Only the fine
+     * pass uses them. */
+    int64_t             level_slope_q30[2];
+    int64_t             contrast_slope_q30[2];
     bool                fine;
 };
 
