@@ -26,8 +26,11 @@ struct disc {
 static struct refine refine;
 static struct patches patches;
 static struct marks marks;
+/* One empty cell: no circle has neighbours whose light could be looked at. */
+static uint32_t no_neighbours[1] = {MARKS_NONE};
 static struct mark mark_list[CIRCLES_MAX];
 static const struct pattern_edges no_edges;
+static const struct patch_light even_light = {{0}, {0}};
 static void *memory;
 static uint8_t bytes[SIDE_MAX * SIDE_MAX * 2];
 static struct synth_image picture;
@@ -54,7 +57,8 @@ void setUp(void)
     arena = (struct arena){.base = memory, .size = arena.used};
     take_all(&arena);
     patches.count = 0;
-    marks = (struct marks){.at = mark_list, .size = CIRCLES_MAX};
+    marks = (struct marks){
+        .at = mark_list, .size = CIRCLES_MAX, .cells = no_neighbours, .columns = 1, .rows = 1};
     disc_count = 0;
 }
 
@@ -343,10 +347,10 @@ static void other_colour_is_refused(void)
     TEST_ASSERT_EQUAL_UINT16(6, patches.at[0].feature_count);
     /* And where it is predicted. */
     struct mark predicted = mark_of(&discs[4], 100, 1);
-    TEST_ASSERT_TRUE(refine_predicted(&refine, &frame, &no_edges, &predicted));
+    TEST_ASSERT_TRUE(refine_predicted(&refine, &frame, &no_edges, &even_light, &predicted));
     predicted = mark_of(&discs[4], 100, 1);
     predicted.white = false;
-    TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &predicted));
+    TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &even_light, &predicted));
 }
 
 /* Flat paper, a step and a bare corner of the grid, with and without noise. */
@@ -372,7 +376,7 @@ static void where_no_circle_is_none_is_found(void)
             struct mark predicted = mark_of(&discs[i], 100, 1);
             predicted.white = white != 0;
             const struct mark before = predicted;
-            TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &predicted));
+            TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &even_light, &predicted));
             TEST_ASSERT_EQUAL_MEMORY(&before, &predicted, sizeof before); /* "unchanged" */
         }
     }
@@ -419,7 +423,7 @@ static void predictions_find_what_is_there_and_need_a_frame_before(void)
     refine_marks(&refine, &frame, &patches, &marks); /* nothing named */
     TEST_ASSERT_EQUAL_INT32(0, refine.blur_px_q16);
     struct mark predicted = mark_of(&discs[0], 100, 1);
-    TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &predicted));
+    TEST_ASSERT_FALSE(refine_predicted(&refine, &frame, &no_edges, &even_light, &predicted));
 
     name_marks(100, 1);
     refine_marks(&refine, &frame, &patches, &marks);
@@ -429,7 +433,7 @@ static void predictions_find_what_is_there_and_need_a_frame_before(void)
         double sigma;
         mark_list[i] = mark_of(&discs[i], 100, 1);
         mark_list[i].ellipse.x_px_q16 += 26000; /* 0.4 px off */
-        TEST_ASSERT_TRUE(refine_predicted(&refine, &frame, &no_edges, &mark_list[i]));
+        TEST_ASSERT_TRUE(refine_predicted(&refine, &frame, &no_edges, &even_light, &mark_list[i]));
         TEST_ASSERT_TRUE(error_of(i, &sigma) < 6 * sigma + 0.01);
     }
 }
