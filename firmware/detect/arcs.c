@@ -96,13 +96,14 @@ uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t short
     return close_run(&state, shortest, out, count);
 }
 
-void arcs_init(struct arcs *arcs, struct arena *arena)
+void arcs_init(struct arcs *arcs, struct arena *arena, unsigned width, unsigned height)
 {
-    arcs->at = arena_take(arena, LIMIT_ARCS, sizeof(struct arc));
-    arcs->x_px_q16 = arena_take(arena, LIMIT_ARC_POINTS + LIMIT_CONTOUR_POINTS,
-                               sizeof(int32_t));
-    arcs->y_px_q16 = arena_take(arena, LIMIT_ARC_POINTS + LIMIT_CONTOUR_POINTS,
-                               sizeof(int32_t));
+    arcs->size = limit_arcs(width, height);
+    arcs->points_size = limit_arc_points(width, height);
+    const size_t points = arcs->points_size + LIMIT_CONTOUR_POINTS;
+    arcs->at = arena_take(arena, arcs->size, sizeof(struct arc));
+    arcs->x_px_q16 = arena_take(arena, points, sizeof(int32_t));
+    arcs->y_px_q16 = arena_take(arena, points, sizeof(int32_t));
 }
 
 void arcs_begin(struct arcs *arcs)
@@ -156,7 +157,7 @@ void arcs_keep(struct arcs *arcs, const int32_t x_px_q16[], const int32_t y_px_q
         (int64_t)count * 65536 < 3 * (int64_t)arc.radius_px_q16 / 2) {
         return;
     }
-    if (arcs->count == LIMIT_ARCS || arcs->points + count > LIMIT_ARC_POINTS) {
+    if (arcs->count == arcs->size || arcs->points + count > arcs->points_size) {
         arcs->truncated = true;
         return;
     }

@@ -36,11 +36,13 @@ struct arcs {
     int32_t    *x_px_q16; /* the points of all arcs one after the other, and room for a contour */
     int32_t    *y_px_q16;
     uint32_t    count;
+    uint32_t    size;
     uint32_t    points;
+    uint32_t    points_size;
     bool        truncated;
 };
 
-void arcs_init(struct arcs *arcs, struct arena *arena);
+void arcs_init(struct arcs *arcs, struct arena *arena, unsigned width, unsigned height);
 void arcs_begin(struct arcs *arcs);
 
 /* Keeps an arc. What is straight, or has no room, is dropped (the latter is reported). */

@@ -16,7 +16,7 @@ void ellipses_init(struct ellipses *ellipses, struct arena *arena, unsigned widt
 {
     ellipses->size = limit_ellipses(width, height);
     ellipses->at = arena_take(arena, ellipses->size, sizeof(struct ellipses_item));
-    arcs_init(&ellipses->arcs, arena);
+    arcs_init(&ellipses->arcs, arena, width, height);
 }
 
 void ellipses_begin(struct ellipses *ellipses)
@@ -181,8 +181,8 @@ static void merge_with_later(struct ellipses *ellipses, uint32_t i)
 {
     struct arcs *arcs = &ellipses->arcs;
     struct arc *first = &arcs->at[i];
-    int32_t *x = arcs->x_px_q16 + LIMIT_ARC_POINTS;
-    int32_t *y = arcs->y_px_q16 + LIMIT_ARC_POINTS;
+    int32_t *x = arcs->x_px_q16 + arcs->points_size;
+    int32_t *y = arcs->y_px_q16 + arcs->points_size;
     for (uint32_t j = i + 1; j < arcs->count && !first->used; j++) {
         struct arc *second = &arcs->at[j];
         if (second->used || first->count + second->count > LIMIT_CONTOUR_POINTS ||

@@ -162,11 +162,11 @@ static void contours_shorter_than_the_step_are_no_arcs(void)
 static void start_store(void)
 {
     struct arena arena = {0};
-    arcs_init(&arcs, &arena);
+    arcs_init(&arcs, &arena, 64, 64);
     memory = malloc(arena.used);
     TEST_ASSERT_NOT_NULL(memory);
     arena = (struct arena){.base = memory, .size = arena.used};
-    arcs_init(&arcs, &arena);
+    arcs_init(&arcs, &arena, 64, 64);
     arcs_begin(&arcs);
 }
 
@@ -225,15 +225,15 @@ static void straight_points_are_not_kept_and_that_is_no_truncation(void)
 static void full_store_says_so_and_keeps_what_it_had(void)
 {
     start_store();
-    for (unsigned i = 0; i < LIMIT_ARCS; i++) {
+    for (unsigned i = 0; i < arcs.size; i++) {
         keep(50 + i, 40, 12, 0, SYNTH_PI / 2);
     }
-    TEST_ASSERT_EQUAL_UINT32(LIMIT_ARCS, arcs.count);
+    TEST_ASSERT_EQUAL_UINT32(arcs.size, arcs.count);
     TEST_ASSERT_FALSE(arcs.truncated);
     keep(5, 5, 12, 0, SYNTH_PI);
-    TEST_ASSERT_EQUAL_UINT32(LIMIT_ARCS, arcs.count);
+    TEST_ASSERT_EQUAL_UINT32(arcs.size, arcs.count);
     TEST_ASSERT_TRUE(arcs.truncated);
-    SYNTH_NEAR(0.1, 50 + LIMIT_ARCS - 1, arcs.at[LIMIT_ARCS - 1].x_px_q16 / 65536.0);
+    SYNTH_NEAR(0.1, 50 + arcs.size - 1, arcs.at[arcs.size - 1].x_px_q16 / 65536.0);
     arcs_begin(&arcs);
     TEST_ASSERT_EQUAL_UINT32(0, arcs.count);
     TEST_ASSERT_FALSE(arcs.truncated);
@@ -244,10 +244,10 @@ static void store_full_of_points_says_so(void)
     start_store();
     while (!arcs.truncated) {
         keep(600, 600, 500, 0, SYNTH_PI); /* 2001 points each */
-        TEST_ASSERT_TRUE(arcs.points <= LIMIT_ARC_POINTS);
+        TEST_ASSERT_TRUE(arcs.points <= arcs.points_size);
         TEST_ASSERT_TRUE(arcs.count < 20);
     }
-    TEST_ASSERT_EQUAL_UINT32(LIMIT_ARC_POINTS / 2001, arcs.count);
+    TEST_ASSERT_EQUAL_UINT32(arcs.points_size / 2001, arcs.count);
 }
 
 int main(void)

@@ -217,7 +217,7 @@ static void full_list_says_so_and_keeps_what_it_had(void)
 static void too_many_waiting_arcs_are_reported(void)
 {
     uint64_t seed = 68;
-    for (unsigned i = 0; i <= LIMIT_ARCS; i++) {
+    for (unsigned i = 0; i <= ellipses.arcs.size; i++) {
         push_arc(100 + i % 400, 150, 12, 12, 0, 0, 0.6 * SYNTH_PI, 0, &seed);
         add(false);
     }
