@@ -31,7 +31,8 @@ vector_SRC := \
   firmware/detect/dsp_avx2.c \
   firmware/detect/dsp_neon.c \
 
-vector_FLAGS := $(graph_flags)
+# -O3: their short loops over taps and columns are to be unrolled.
+vector_FLAGS := -O3 $(graph_flags)
 $(eval $(call library,vector))
 machine := $(shell $(CC) -dumpmachine 2>/dev/null)
 $O/firmware/detect/dsp_avx2.c.o: private part_flags := $(vector_FLAGS) $(if $(findstring x86_64,$(machine)),-mavx2)

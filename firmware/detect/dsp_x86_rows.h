@@ -100,8 +100,9 @@ static inline __attribute__((always_inline)) void along_x_row(const struct taps 
                                                               unsigned width,
                                                               const struct dsp_row *out)
 {
+    const struct taps own = *taps; /* nothing that is written can be a part of it: it stays in registers */
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        along_x_block(taps, radius, luma_grey_q4 + x, out, x);
+        along_x_block(&own, radius, luma_grey_q4 + x, out, x);
     }
 }
 
@@ -163,8 +164,9 @@ static inline __attribute__((always_inline)) void along_y_row(const struct taps 
                                                               unsigned width,
                                                               const struct dsp_gradient *out)
 {
+    const struct taps own = *taps;
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        along_y_block(taps, radius, rows, out, x);
+        along_y_block(&own, radius, rows, out, x);
     }
 }
 
