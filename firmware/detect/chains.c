@@ -228,54 +228,144 @@ static struct chain_end make_end(struct chains *chains, const struct edge *edge)
     };
 }
 
+/* The most frequent cell: one point from before and one new, and the contour passes from one to the other.
+ * Lengthens the contour by the new point, which makes *end of it; what add_point, link_sides and settle_end
+ * would do by way of a contour of its own. False, with nothing done, where the cell is not like that. */
+static bool pass_through(struct chains *chains, const struct chain_end *old,
+                         const struct edge *edge, struct chain_end *end)
+{
+    /* Both lie on sides of unlike kinds, so equal directions make one an entrance and one an exit. */
+    if (old->forward != edge->forward || chains->points_free == CHAINS_NONE) {
+        return false;
+    }
+    const uint32_t index = chains->points[old->point].chain;
+    struct chain *chain = &chains->chains[index];
+    if (chain->overlong || chain->count >= LIMIT_CONTOUR_POINTS) {
+        return false;
+    }
+    const uint32_t point = chains->points_free;
+    struct chain_point *added = &chains->points[point];
+    chains->points_free = added->next;
+    chains->points_used++;
+    if (chains->points_used > chains->points_used_max) {
+        chains->points_used_max = chains->points_used;
+    }
+    added->x_px_q16 = edge->x_px_q16;
+    added->y_px_q16 = edge->y_px_q16;
+    added->chain = index;
+    if (edge->forward) {
+        assert(chain->tail == old->point);
+        added->next = CHAINS_NONE;
+        chains->points[chain->tail].next = point;
+        chain->tail = point;
+    } else {
+        assert(chain->head == old->point);
+        added->next = chain->head;
+        chain->head = point;
+    }
+    chain->count++;
+    chain->gradient_sum_q3 += edge->gradient_q3;
+    end->point = point;
+    end->column = edge->column;
+    end->forward = edge->forward;
+    return true;
+}
+
 static const struct chain_end no_end = {.point = CHAINS_NONE};
+
+/* How far the sweep over one row of cells has come: indices into the lists, and the left side's point. */
+struct sweep {
+    struct chain_end left;
+    uint32_t         top;
+    uint32_t         across;
+    uint32_t         down;
+};
+
+/* The next cell with anything in it, or UINT16_MAX. A point down column c is the right side of cell c - 1
+ * and then the left side of cell c. */
+static inline unsigned next_column(const struct chains *chains, const struct edge_row *edges,
+                                   const struct sweep *at)
+{
+    unsigned column = UINT16_MAX;
+    if (at->left.point != CHAINS_NONE) {
+        column = at->left.column;
+    }
+    if (at->top < chains->top_count && chains->top[at->top].column < column) {
+        column = chains->top[at->top].column;
+    }
+    if (at->across < edges->across_count && edges->across[at->across].column < column) {
+        column = edges->across[at->across].column;
+    }
+    if (at->down < edges->down_count) {
+        const unsigned down = edges->down[at->down].column;
+        const unsigned first_cell = down == 0 ? 0 : down - 1;
+        column = first_cell < column ? first_cell : column;
+    }
+    return column;
+}
+
+/* Handles the cell where one contour passes through; false, with nothing done, where it is another kind. */
+static inline bool sweep_passing(struct chains *chains, const struct edge_row *edges,
+                                 struct sweep *at, unsigned column)
+{
+    const bool left = at->left.point != CHAINS_NONE && at->left.column == column;
+    const bool top = at->top < chains->top_count && chains->top[at->top].column == column;
+    const bool bottom =
+        at->across < edges->across_count && edges->across[at->across].column == column;
+    const bool down = at->down < edges->down_count;
+    const bool right = down && edges->down[at->down].column == column + 1;
+    if (left == top || right == bottom || (down && edges->down[at->down].column == column)) {
+        return false;
+    }
+    const struct chain_end *old = left ? &at->left : &chains->top[at->top];
+    const struct edge *edge = right ? &edges->down[at->down] : &edges->across[at->across];
+    struct chain_end end;
+    if (old->point == CHAINS_NONE || !pass_through(chains, old, edge, &end)) {
+        return false;
+    }
+    at->top += top ? 1 : 0;
+    if (right) {
+        at->down++;
+        at->left = end;
+    } else {
+        chains->bottom[at->across++] = end;
+        at->left = no_end;
+    }
+    return true;
+}
+
+static void sweep_any(struct chains *chains, const struct edge_row *edges, struct sweep *at,
+                      unsigned column)
+{
+    struct cell cell = {.at = {no_end, no_end, no_end, no_end}};
+    if (at->left.point != CHAINS_NONE && at->left.column == column) {
+        cell.at[SIDE_LEFT] = at->left;
+    } else if (at->down < edges->down_count && edges->down[at->down].column == column) {
+        cell.at[SIDE_LEFT] = make_end(chains, &edges->down[at->down++]); /* column 0 */
+    }
+    if (at->down < edges->down_count && edges->down[at->down].column == column + 1) {
+        cell.at[SIDE_RIGHT] = make_end(chains, &edges->down[at->down++]);
+    }
+    if (at->top < chains->top_count && chains->top[at->top].column == column) {
+        cell.at[SIDE_TOP] = chains->top[at->top++];
+    }
+    if (at->across < edges->across_count && edges->across[at->across].column == column) {
+        cell.at[SIDE_BOTTOM] = make_end(chains, &edges->across[at->across]);
+        chains->bottom[at->across++] = cell.at[SIDE_BOTTOM];
+    }
+    visit_cell(chains, &cell);
+    at->left = cell.at[SIDE_RIGHT];
+}
 
 static void sweep_cells(struct chains *chains, const struct edge_row *edges)
 {
-    struct chain_end left = no_end;
-    uint32_t top = 0;
-    uint32_t across = 0;
-    uint32_t down = 0;
-    for (;;) {
-        /* The next cell with anything in it. A point down column c is the right side of cell c - 1 and
-         * then the left side of cell c. */
-        unsigned column = UINT16_MAX;
-        if (left.point != CHAINS_NONE) {
-            column = left.column;
+    struct sweep at = {.left = no_end};
+    unsigned column = next_column(chains, edges, &at);
+    while (column != UINT16_MAX) {
+        if (!sweep_passing(chains, edges, &at, column)) {
+            sweep_any(chains, edges, &at, column);
         }
-        if (top < chains->top_count && chains->top[top].column < column) {
-            column = chains->top[top].column;
-        }
-        if (across < edges->across_count && edges->across[across].column < column) {
-            column = edges->across[across].column;
-        }
-        if (down < edges->down_count) {
-            const unsigned at = edges->down[down].column;
-            const unsigned first_cell = at == 0 ? 0 : at - 1;
-            column = first_cell < column ? first_cell : column;
-        }
-        if (column == UINT16_MAX) {
-            return;
-        }
-
-        struct cell cell = {.at = {no_end, no_end, no_end, no_end}};
-        if (left.point != CHAINS_NONE && left.column == column) {
-            cell.at[SIDE_LEFT] = left;
-        } else if (down < edges->down_count && edges->down[down].column == column) {
-            cell.at[SIDE_LEFT] = make_end(chains, &edges->down[down++]); /* column 0 */
-        }
-        if (down < edges->down_count && edges->down[down].column == column + 1) {
-            cell.at[SIDE_RIGHT] = make_end(chains, &edges->down[down++]);
-        }
-        if (top < chains->top_count && chains->top[top].column == column) {
-            cell.at[SIDE_TOP] = chains->top[top++];
-        }
-        if (across < edges->across_count && edges->across[across].column == column) {
-            cell.at[SIDE_BOTTOM] = make_end(chains, &edges->across[across]);
-            chains->bottom[across++] = cell.at[SIDE_BOTTOM];
-        }
-        visit_cell(chains, &cell);
-        left = cell.at[SIDE_RIGHT];
+        column = next_column(chains, edges, &at);
     }
 }
 
