@@ -76,6 +76,9 @@ include host/objects.mk
 include $(sort $(wildcard tools/*/objects.mk))
 include tests/objects.mk
 endif
+ifneq ($(ARCH),native)
+include tools/bench/objects.mk
+endif
 include tests/simd/objects.mk tests/golden/objects.mk tests/cross/objects.mk
 
 $O/%.c.o: %.c

@@ -5,7 +5,7 @@ ifneq ($(ARCH),native)
 cjson_SRC := $(cross_deps)/cjson/cJSON.c
 cjson_FLAGS := -w
 $(eval $(call library,cjson))
-$(PROGRAMS): $O/libcjson.a
+$(PROGRAMS) $(count_frame): | $O/libcjson.a
 # The camera looks up hosts, which needs the C library's own plug-ins: not static.
 $(BIN)/tessera-cam: private LDFLAGS := $(filter-out -static,$(LDFLAGS))
 endif
