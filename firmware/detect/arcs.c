@@ -73,7 +73,7 @@ uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t short
     uint32_t count = 0;
     struct run_state state = {.run = {0}, .bend = BEND_NONE, .straight = 0};
     for (uint32_t k = 0; k < visits; k++) {
-        const uint32_t i = (start + k) % contour->count;
+        const uint32_t i = start + k < contour->count ? start + k : start + k - contour->count;
         const enum bend bend = bend_at(contour, i, step);
         if (bend == BEND_LEFT || bend == BEND_RIGHT) {
             if (state.run.count > 0 && state.bend != bend) {

@@ -20,8 +20,11 @@
 /* Below 2 in Q11 after rounding: what the products' kernel takes. */
 #define ENTRY_LIMIT_Q20 ((2 << 20) - 1024)
 #define PEAK_LIMIT_Q15  ((2 << 15) - 64)
-/* In circles of this size every second row settles the first pass; the second takes all. */
+/* The first pass, which the second corrects, takes every second row of circles of this size, and of large
+ * ones so many that ten or more cross the circle. */
 #define THIN_MIN_PX_Q16 (5 << 16)
+#define THIN_SHARE_PX_Q16 (5 << 16)
+#define THIN_STEP_MAX   6
 
 static_assert(DSP_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 
@@ -278,6 +281,16 @@ static void take_products(const struct rim_view *view, const struct batch *batch
     sums->squares_q44 = view->fine ? batch->products[at] * (1 << 22) : 0;
 }
 
+/* From a row to the next that is visited. */
+static int64_t thin_step(const struct rim_view *view)
+{
+    if (view->fine || view->size_px_q16 < THIN_MIN_PX_Q16) {
+        return 1;
+    }
+    const int64_t step = view->size_px_q16 / THIN_SHARE_PX_Q16;
+    return step < 2 ? 2 : step > THIN_STEP_MAX ? THIN_STEP_MAX : step;
+}
+
 void rim_gather(const struct rim *rim, const struct frame_view *frame, const struct rim_view *view,
                 struct rim_sums *sums)
 {
@@ -288,7 +301,7 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     if (!band.within_range) {
         return;
     }
-    const int64_t step = view->fine || view->size_px_q16 < THIN_MIN_PX_Q16 ? 1 : 2;
+    const int64_t step = thin_step(view);
     const int64_t half_y_q16 =
         (int64_t)root_u64(((uint64_t)e->shape_yy_px2_q12 * (uint64_t)band.outer_square_q16) << 4);
     int64_t top = (e->y_px_q16 - half_y_q16) >> 16;
