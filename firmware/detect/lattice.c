@@ -146,6 +146,30 @@ static struct patch_light nearby_light(const struct lattice *lattice, const stru
     return dark;
 }
 
+/* An ellipse that was found there, of the right colour and size: where the map has to reach far it may be
+ * pixels off, and the fit wants to start within a blur. Circles are four radii apart, so half a radius cannot
+ * mean another one. */
+static bool start_from_ellipse(const struct marks *marks, const struct mark *predicted,
+                               struct mark *start)
+{
+    uint32_t near[4];
+    const uint32_t count =
+        marks_near(marks, predicted->ellipse.x_px_q16, predicted->ellipse.y_px_q16,
+                   predicted->size_px_q16 / 2, near, sizeof near / sizeof near[0]);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct mark *mark = &marks->at[near[i]];
+        const int64_t grown =
+            fx_abs_i64((int64_t)mark->size_px_q16 - (int64_t)predicted->size_px_q16);
+        if (mark->white == predicted->white && mark->contrast_q30 == 0 &&
+            grown * 5 <= (int64_t)predicted->size_px_q16) {
+            start->ellipse = mark->ellipse;
+            start->size_px_q16 = mark->size_px_q16;
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Looks for one feature where the map says; adds a mark for it. */
 static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
                          const struct frame_view *frame, const struct boardmap *map,
@@ -179,7 +203,11 @@ static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
     const struct patch_light light = nearby_light(lattice, patches, row, col);
     struct mark found = predicted;
     if (!refine_predicted(refine, frame, &edges, &light, &found) || !agrees(&found, &predicted)) {
-        return MARKS_NONE;
+        found = predicted;
+        if (!start_from_ellipse(marks, &predicted, &found) ||
+            !refine_predicted(refine, frame, &edges, &light, &found)) {
+            return MARKS_NONE;
+        }
     }
     if (marks->count == marks->size) {
         lattice->truncated = true;
