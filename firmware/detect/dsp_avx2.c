@@ -10,6 +10,7 @@
 #define V(op)            _mm256_##op
 #define LOAD(p)          _mm256_loadu_si256((const __m256i *)(const void *)(p))
 #define STORE(p, v)      _mm256_storeu_si256((__m256i *)(void *)(p), v)
+#define LOAD_BYTES(p)    _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(const void *)(p)))
 #define STORE_HALF(p, v) _mm_storeu_si128((__m128i *)(void *)(p), \
                                           _mm_packs_epi16(_mm256_castsi256_si128(v), \
                                                           _mm256_extracti128_si256(v, 1)))

@@ -105,6 +105,17 @@ static inline unsigned next_block(unsigned x, unsigned width)
     return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
 }
 
+static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
+{
+    if (width < LANES) {
+        dsp_scalar.widen(bytes, width, out_grey_q4);
+        return;
+    }
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        vst1q_u16(out_grey_q4 + x, vshll_n_u8(vld1_u8(bytes + x), 4));
+    }
+}
+
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out)
 {
@@ -226,6 +237,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 
 const struct dsp_kernels dsp_neon = {
     .name = "neon",
+    .widen = widen,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

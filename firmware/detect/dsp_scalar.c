@@ -2,6 +2,13 @@
 #include "common/fx/fx.h"
 #include "firmware/detect/dsp.h"
 
+static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
+{
+    for (unsigned x = 0; x < width; x++) {
+        out_grey_q4[x] = (uint16_t)(bytes[x] << 4);
+    }
+}
+
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out)
 {
@@ -83,6 +90,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 
 const struct dsp_kernels dsp_scalar = {
     .name = "scalar",
+    .widen = widen,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

@@ -9,6 +9,8 @@
 #define V(op)            _mm_##op
 #define LOAD(p)          _mm_loadu_si128((const __m128i *)(const void *)(p))
 #define STORE(p, v)      _mm_storeu_si128((__m128i *)(void *)(p), v)
+#define LOAD_BYTES(p)    _mm_unpacklo_epi8(_mm_loadl_epi64((const __m128i *)(const void *)(p)), \
+                                           _mm_setzero_si128())
 #define STORE_HALF(p, v) _mm_storel_epi64((__m128i *)(void *)(p), _mm_packs_epi16(v, v))
 #define QUARTERS(v)      (v)
 #define AND(a, b)        _mm_and_si128(a, b)

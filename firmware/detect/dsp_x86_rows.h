@@ -3,6 +3,7 @@
  *   VEC, LANES     the register and how many 16-bit values it holds
  *   V(op)          the intrinsic of that width: V(add_epi16)(a, b)
  *   LOAD, STORE    unaligned, whole registers
+ *   LOAD_BYTES     LANES bytes, each widened to 16 bits
  *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
  *   QUARTERS       a 128-bit register of four sums over a register's 32-bit values
  *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
@@ -92,6 +93,17 @@ static inline __attribute__((always_inline)) void along_x_block(const struct tap
 static inline unsigned next_block(unsigned x, unsigned width)
 {
     return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
+}
+
+static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
+{
+    if (width < LANES) {
+        dsp_scalar.widen(bytes, width, out_grey_q4);
+        return;
+    }
+    for (unsigned x = 0; x < width; x = next_block(x, width)) {
+        STORE(out_grey_q4 + x, V(slli_epi16)(LOAD_BYTES(bytes + x), 4));
+    }
 }
 
 static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
@@ -263,6 +275,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 
 const struct dsp_kernels KERNELS = {
     .name = NAME,
+    .widen = widen,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

@@ -70,10 +70,14 @@ void luma_span(const struct frame_view *frame, uint16_t y, uint16_t x, unsigned 
 
 void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t *out_grey_q4)
 {
-    const unsigned width = frame->width_px;
-    luma_span(frame, y, 0, width, out_grey_q4);
+    luma_span(frame, y, 0, frame->width_px, out_grey_q4);
+    luma_pad(frame->width_px, pad, out_grey_q4);
+}
+
+void luma_pad(unsigned width, unsigned pad, uint16_t *grey_q4)
+{
     for (unsigned i = 1; i <= pad; i++) {
-        *(out_grey_q4 - i) = out_grey_q4[0];
-        out_grey_q4[width - 1 + i] = out_grey_q4[width - 1];
+        *(grey_q4 - i) = grey_q4[0];
+        grey_q4[width - 1 + i] = grey_q4[width - 1];
     }
 }

@@ -14,6 +14,9 @@
  * Samples above the format's maximum are taken as the maximum. */
 void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t *out_grey_q4);
 
+/* The copies alone: of the first and the last of `width` values. */
+void luma_pad(unsigned width, unsigned pad, uint16_t *grey_q4);
+
 /* The same for `count` pixels of row y from column x on, all inside the frame, without copies. */
 void luma_span(const struct frame_view *frame, uint16_t y, uint16_t x, unsigned count,
                uint16_t *out_grey_q4);

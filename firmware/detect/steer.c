@@ -48,7 +48,13 @@ const struct dsp_gradient *steer_row(struct steer *steer, const struct frame_vie
     const unsigned last = steer->height - 1;
 
     while (steer->filtered <= last && steer->filtered <= y + radius) {
-        luma_row(frame, (uint16_t)steer->filtered, radius, steer->luma_grey_q4);
+        if (frame->format == FRAME_GREY8 || frame->format == FRAME_NV12) {
+            steer->dsp->widen(frame->pixels + (size_t)steer->filtered * frame->stride_bytes,
+                              steer->width, steer->luma_grey_q4);
+            luma_pad(steer->width, radius, steer->luma_grey_q4);
+        } else {
+            luma_row(frame, (uint16_t)steer->filtered, radius, steer->luma_grey_q4);
+        }
         steer->dsp->along_x(steer->taps, steer->luma_grey_q4, steer->width,
                             &steer->ring[steer->filtered % ring]);
         steer->filtered++;

@@ -72,6 +72,18 @@ static bool same(const char *kernel, const struct dsp_kernels *variant, unsigned
     return true;
 }
 
+static bool check_widen(const struct dsp_kernels *variant, unsigned width, bool at_end)
+{
+    uint8_t *bytes = at_end ? pages[0] + ROW_BYTES - width : pages[0];
+    for (unsigned i = 0; i < width; i++) {
+        bytes[i] = (uint8_t)random_u64();
+    }
+    fill_junk();
+    dsp_scalar.widen(bytes, width, (uint16_t *)(void *)(expected[0] + GUARD));
+    variant->widen(bytes, width, (uint16_t *)(void *)(found[0] + GUARD));
+    return same("widen", variant, width);
+}
+
 /* Black and white in stripes, white alone, or noise: what drives the filters to their limits. */
 static void fill_luma(uint16_t *luma, unsigned count, unsigned kind)
 {
@@ -186,7 +198,7 @@ static bool check_width(const struct dsp_kernels *variant, unsigned width)
                 return false;
             }
         }
-        if (!check_sides(variant, width, kind, at_end)) {
+        if (!check_sides(variant, width, kind, at_end) || !check_widen(variant, width, at_end)) {
             return false;
         }
     }
