@@ -57,7 +57,7 @@ unit-light: $(unit_BIN) $(gather_BIN)
 
 # Frames at random under the sanitizers; a case that fails is kept as build/fuzz/frame_case.hex.
 fuzz_BIN := $O/tests/fuzz/drive_frame
-$(fuzz_BIN): $(call objects,tests/fuzz/drive_frame.c tests/fuzz/fuzz_frame.c) $(patsubst %,$O/lib%.a,detect vector common)
+$(fuzz_BIN): $(call objects,tests/fuzz/drive_frame.c tests/fuzz/fuzz_frame.c) $(patsubst %,$O/lib%.a,detect vector firmware common)
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $(filter %.o,$^) -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lm
 
