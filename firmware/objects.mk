@@ -19,6 +19,8 @@ detect_SRC := \
   firmware/detect/boardmap.c \
   firmware/detect/pattern.c \
   firmware/detect/rim.c \
+  firmware/detect/circlefit.c \
+  firmware/detect/light.c \
   firmware/detect/refine.c \
   firmware/detect/lattice.c \
   firmware/detect/packet.c \

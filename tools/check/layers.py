@@ -35,7 +35,7 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
 }
 STREETS = {
     "firmware/detect": "arena taps profile dsp luma steer edges chains arcs ellipse directfit refit "
-                       "ellipses marks patches boardmap pattern rim refine lattice packet".split(),
+                       "ellipses marks patches boardmap pattern rim circlefit light refine lattice packet".split(),
     "host": "base net journal assoc obs model solve report rig".split(),
 }
 
