@@ -1,0 +1,95 @@
+/* How the light falls: planes through what circles say of black and white. */
+#include <math.h>
+#include <unity.h>
+
+#include "firmware/detect/light.h"
+
+#define CIRCLES 26u
+
+static uint8_t memory[1 << 16];
+static struct light light;
+static struct mark list[CIRCLES];
+static uint32_t cell[1];
+static struct marks marks;
+static struct patch patch;
+
+/* Half white, half black circles about (500, 400); black rises by `black` along x, white falls by `white`
+ * along y, in shares of the range a pixel. */
+static void make_marks(unsigned count, double black, double white)
+{
+    for (unsigned i = 0; i < count; i++) {
+        const double x = 440 + 30 * (i % 5);
+        const double y = 350 + 25 * (i / 5);
+        const bool is_white = i % 2 == 0;
+        const double level = is_white ? 0.1 + black * (x - 500) : 0.8 - white * (y - 400);
+        list[i] = (struct mark){
+            .ellipse = {(int32_t)lround(x * 65536), (int32_t)lround(y * 65536), 40960, 0, 40960},
+            .size_px_q16 = 10 << 16,
+            .next = i + 1 < count ? i + 1 : MARKS_NONE,
+            .level_q30 = (int32_t)lround(level * 1073741824),
+            .contrast_q30 = is_white ? 1 << 29 : -(1 << 29),
+            .white = is_white,
+        };
+    }
+    cell[0] = 0;
+    marks = (struct marks){
+        .at = list, .count = count, .size = CIRCLES, .cells = cell, .columns = 1, .rows = 1};
+    patch = (struct patch){.id = 1, .feature_count = 1};
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        patch.marks[i] = MARKS_NONE;
+    }
+    patch.marks[LAYOUT_ANCHOR] = 12;
+}
+
+void setUp(void)
+{
+    struct arena arena = {.base = memory, .size = sizeof memory};
+    light_init(&light, &arena);
+}
+void tearDown(void) {}
+
+static void slopes_of_black_and_white_are_found_apart(void)
+{
+    make_marks(25, 2e-4, 5e-4);
+    light_find(&light, &patch, &marks);
+    /* Planes through points of a plane: exact but for Q30 through a pivot of 2^-10, 1e-6 of the range over
+     * 100 px. */
+    TEST_ASSERT_TRUE(fabs(patch.light.black_slope_q30[0] / 1073741824.0 - 2e-4) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.black_slope_q30[1] / 1073741824.0) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.white_slope_q30[0] / 1073741824.0) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.white_slope_q30[1] / 1073741824.0 + 5e-4) < 1e-7);
+}
+
+static void few_circles_say_nothing(void)
+{
+    make_marks(13, 2e-4, 5e-4);
+    for (unsigned i = 0; i < 4; i++) {
+        list[2 * i].contrast_q30 = 0; /* not fitted: of seven white circles three are left */
+    }
+    light_find(&light, &patch, &marks);
+    TEST_ASSERT_EQUAL_INT32(0, patch.light.black_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT32(0, patch.light.white_slope_q30[1]);
+}
+
+static void level_and_contrast_tilt_by_colour(void)
+{
+    const struct patch_light slopes = {.black_slope_q30 = {1000, 0}, .white_slope_q30 = {5000, 200}};
+    struct rim_view view = {0};
+    /* A circle whose swing is half of the full one. */
+    light_tilt(&slopes, 65536, true, &view);
+    TEST_ASSERT_EQUAL_INT(1000, view.level_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT(2000, view.contrast_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT(100, view.contrast_slope_q30[1]);
+    light_tilt(&slopes, 65536, false, &view);
+    TEST_ASSERT_EQUAL_INT(5000, view.level_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT(-2000, view.contrast_slope_q30[0]);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(slopes_of_black_and_white_are_found_apart);
+    RUN_TEST(few_circles_say_nothing);
+    RUN_TEST(level_and_contrast_tilt_by_colour);
+    return UNITY_END();
+}
