@@ -38,7 +38,13 @@ $(dump_stages): $(call objects,tests/diff/dump_stages.c) $(patsubst %,$O/lib%.a,
 
 ## check: run every test on what is built (no installing)
 .PHONY: check
-check: tables layers names symbols size simd golden unit sanitize system
+check:
+	+@$(PYTHON) tests/run_stages.py $(MAKE) tables layers names symbols size simd golden unit sanitize system
+
+# What the stages run: built at once, before the first.
+.PHONY: test-programs test-programs-light
+test-programs: all $(unit_BIN) $(gather_BIN) $(unit_host_BIN) $(dump_stages)
+test-programs-light: $(unit_BIN) $(gather_BIN)
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit

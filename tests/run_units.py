@@ -11,7 +11,7 @@ for program in sys.argv[1:]:
     name = program.rsplit("/", 1)[-1]
     if summary is None:
         failed += 1
-        print(f"  CRASH  {name} (exit {run.returncode})\n{run.stdout}{run.stderr}")
+        print(f"  CRASH  {name} (exit {run.returncode})\n{run.stdout}{run.stderr}", flush=True)
         continue
     total, bad, ignored = (int(number) for number in summary.groups())
     # A program that ran no test, or whose exit code disagrees with its words, is a failure.
@@ -21,7 +21,7 @@ for program in sys.argv[1:]:
     passed += total - bad - ignored
     failed += bad
     skipped += ignored
-    print(f"  {'FAIL' if bad else 'ok':5}  {name}: {total} tests")
+    print(f"  {'FAIL' if bad else 'ok':5}  {name}: {total} tests", flush=True)
     if bad:
         print(run.stdout + run.stderr)
 print(f"{passed} passed, {failed} failed, {skipped} skipped")
