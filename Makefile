@@ -103,6 +103,9 @@ $(PROGRAMS):
 
 -include $(shell find $O -name '*.d' 2>/dev/null)
 
+# The two commands compile on all cores, unless told otherwise by a -j.
+jobs = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc))
+
 ## all: build every program into build/bin
 .PHONY: all
 all: $(PROGRAMS) $(ALSO_BUILT)
@@ -111,14 +114,16 @@ all: $(PROGRAMS) $(ALSO_BUILT)
 .PHONY: demo
 demo:
 	@tools/setup/deps.sh build
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory $(jobs) all
 	@tools/demo/demo.sh
 
 ## test: install what is missing, build, and run every test
 .PHONY: test
 test:
 	@tools/setup/deps.sh build test
-	@$(MAKE) --no-print-directory all check
+	@$(MAKE) --no-print-directory $(jobs) test-programs
+	@$(MAKE) --no-print-directory $(jobs) SAN=1 test-programs-light
+	@$(MAKE) --no-print-directory check
 
 ## deps: install the packages that building and testing need
 .PHONY: deps
@@ -137,6 +142,6 @@ clean:
 ## help: this list
 .PHONY: help FORCE
 help:
-	@echo 'Targets (SAN=1: with sanitizers; V=1: show commands; CC=clang CXX=clang++: other compiler)'
+	@echo 'Targets (SAN=1: with sanitizers; V=1: show commands; -j N: on N cores; CC=clang CXX=clang++: other compiler)'
 	@sed -n 's/^## \([^:]*\): */\1\t/p' $(MAKEFILE_LIST) | while IFS='	' read -r target text; do \
 	    printf '  %-22s %s\n' "$$target" "$$text"; done
