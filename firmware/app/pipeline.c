@@ -44,7 +44,7 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
     marks_init(&pipeline->marks, arena, width_px, height_px);
     patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
     refine_init(&pipeline->refine, arena, settings->dsp, &settings->patches,
-                pipeline->steer.taps->sigma_px_q16, width_px);
+                pipeline->steer.taps->sigma_px_q16);
     lattice_init(&pipeline->lattice, arena);
     packet_init(&pipeline->packet, arena, width_px, height_px);
 }

@@ -36,8 +36,7 @@ struct circlefit {
 };
 
 void circlefit_init(struct circlefit *fit, struct arena *arena, const struct dsp_kernels *dsp,
-                    const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
-                    unsigned width);
+                    const struct patches_settings *settings, uint32_t kernel_sigma_px_q16);
 
 /* A view of the mark's ellipse, without blur, edges and light. False for shapes that cannot be fitted. */
 bool circlefit_start(const struct circlefit *fit, const struct mark *mark, struct rim_view *view);

@@ -12,6 +12,7 @@
 
 #include <stdint.h>
 
+#include "firmware/detect/rimrow.h"
 #include "firmware/detect/taps.h"
 
 /* One image row filtered along x; padded rows are not needed here, `width` values each. */
@@ -34,10 +35,10 @@ struct dsp_gradient {
 };
 
 /* Columns of samples whose pairwise sums of products are wanted: the normal equations of rim.h. */
-#define DSP_COLUMNS    9u
+#define DSP_COLUMNS    RIMROW_COLUMNS
 #define DSP_PRODUCTS   (DSP_COLUMNS * (DSP_COLUMNS + 1) / 2)
-#define DSP_BATCH      128u /* samples a column has room for */
-#define DSP_BATCH_STEP 16u
+#define DSP_BATCH      RIMROW_PIXELS /* samples a column has room for */
+#define DSP_BATCH_STEP RIMROW_STEP
 
 struct dsp_kernels {
     const char *name;
@@ -55,6 +56,10 @@ struct dsp_kernels {
      * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.
      * |c| at most 4095: 128 products stay below 2^31. */
     void (*products)(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS]);
+    /* The rim's pixels: rimrow.h. count: as for products. Octants' sums are overwritten. */
+    void (*rim_rows)(const struct rimrow_view *view, unsigned count, struct rimrow_batch *batch);
+    void (*rim_octants)(const struct rimrow_batch *batch, unsigned count, uint32_t squares[8],
+                        uint32_t counts[8]);
 };
 
 extern const struct dsp_kernels dsp_scalar;

@@ -5,6 +5,8 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
+#include "firmware/detect/rimrow_loops.h"
+
 #define VEC              __m256i
 #define LANES            16u
 #define V(op)            _mm256_##op

@@ -5,6 +5,8 @@
 #if defined(__ARM_NEON)
 #include <arm_neon.h>
 
+#include "firmware/detect/rimrow_loops.h"
+
 #define LANES 8u
 
 struct sum {
@@ -242,5 +244,7 @@ const struct dsp_kernels dsp_neon = {
     .along_y = along_y,
     .sides = sides,
     .products = products,
+    .rim_rows = rimrow_rows,
+    .rim_octants = rimrow_octants,
 };
 #endif

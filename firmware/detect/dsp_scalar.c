@@ -1,6 +1,7 @@
 /* The row kernels in plain C: always built, the reference for every variant. */
 #include "common/fx/fx.h"
 #include "firmware/detect/dsp.h"
+#include "firmware/detect/rimrow_loops.h"
 
 static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
 {
@@ -95,4 +96,6 @@ const struct dsp_kernels dsp_scalar = {
     .along_y = along_y,
     .sides = sides,
     .products = products,
+    .rim_rows = rimrow_rows,
+    .rim_octants = rimrow_octants,
 };

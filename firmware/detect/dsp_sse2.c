@@ -4,6 +4,8 @@
 #if defined(__x86_64__)
 #include <emmintrin.h>
 
+#include "firmware/detect/rimrow_loops.h"
+
 #define VEC              __m128i
 #define LANES            8u
 #define V(op)            _mm_##op

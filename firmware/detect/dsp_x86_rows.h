@@ -280,4 +280,6 @@ const struct dsp_kernels KERNELS = {
     .along_y = along_y,
     .sides = sides,
     .products = products,
+    .rim_rows = rimrow_rows,
+    .rim_octants = rimrow_octants,
 };

@@ -13,10 +13,9 @@
 #define WORST_SLACK_Q16   1400u /* 0.021 */
 
 void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
-                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
-                 unsigned width)
+                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16)
 {
-    circlefit_init(&refine->fit, arena, dsp, settings, kernel_sigma_px_q16, width);
+    circlefit_init(&refine->fit, arena, dsp, settings, kernel_sigma_px_q16);
     light_init(&refine->light, arena);
     refine->views = arena_take(arena, LAYOUT_FEATURES_MAX, sizeof(struct rim_view));
     refine->pairs = arena_take(arena, LAYOUT_FEATURES_LEVEL2, sizeof(struct boardmap_pair));

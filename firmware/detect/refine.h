@@ -24,8 +24,7 @@ struct refine {
 };
 
 void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
-                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16,
-                 unsigned width);
+                 const struct patches_settings *settings, uint32_t kernel_sigma_px_q16);
 
 /* Improves the marks that the patches name: ellipse, size and sigma. A circle whose pixels do not look as
  * they should (something covers a part of it, another edge) is taken out of its patch. */

@@ -1,8 +1,8 @@
-/* The pixels around a circle's rim: which they are, what each says, and the sums over all of them.
+/* The pixels around a circle's rim: which they are, and the sums over all of them.
  *
- * This is the hot loop of refine.h, which has the model and its mathematics. A pixel's row of the Jacobian
- * and what the model leaves of its brightness become nine 16-bit numbers; the sums over all pairs of
- * them, the normal equations, are a row kernel's work (dsp.h). */
+ * Here is the hot loop of refine.h, which has the model and its mathematics. Row kernels (dsp.h) do the work: a
+ * pixel's row of the Jacobian and what the model leaves of its brightness become nine 16-bit numbers
+ * (rimrow.h), and the sums over all pairs of them are the normal equations. */
 #ifndef TESSERA_FIRMWARE_DETECT_RIM_H
 #define TESSERA_FIRMWARE_DETECT_RIM_H
 
@@ -15,7 +15,6 @@
 #define RIM_LEVEL      5u /* b */
 #define RIM_CONTRAST   6u /* c */
 #define RIM_BLUR       7u
-#define RIM_PEAK_STEPS 128u
 /* In the fine pass rests are 64 times larger on the same scale. */
 #define RIM_FINE_BITS  6
 
@@ -44,11 +43,9 @@ struct rim_view {
 /* Working memory and the target's own profile. */
 struct rim {
     const struct dsp_kernels *dsp;
-    uint16_t                 *luma_grey_q4; /* a row's span                                   */
-    int16_t                  *columns;      /* DSP_COLUMNS of DSP_BATCH                       */
+    struct rimrow_batch      *pixels;
     int64_t                   over_rim_q15; /* full swing over the swing at the circle's edge */
-    /* g by rho^2 in steps of 1 / RIM_PEAK_STEPS, from the centre to the rim. */
-    uint32_t                  peak_q15[RIM_PEAK_STEPS + 1];
+    struct rimrow_peak        peak;
 };
 
 /* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 64
