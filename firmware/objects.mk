@@ -15,6 +15,7 @@ detect_SRC := \
   firmware/detect/ellipses.c \
   firmware/detect/marks.c \
   firmware/detect/patches.c \
+  firmware/detect/survey.c \
   firmware/detect/profile_table.c \
   firmware/detect/boardmap.c \
   firmware/detect/pattern.c \

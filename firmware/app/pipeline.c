@@ -4,6 +4,11 @@
 #include "firmware/detect/directfit.h"
 #include "firmware/limits.h"
 
+/* Frames smaller than this are seen in full at once. */
+#define HALVED_MIN_PX 128u
+/* Half the size is gone on with where it names the patches of so much of what has edges: one in so many. */
+#define HALVED_SHARE  4u
+
 static_assert(DIRECTFIT_POINTS_MAX >= LIMIT_CONTOUR_POINTS, "the fit takes whole contours");
 
 struct pipeline_settings pipeline_defaults(void)
@@ -36,6 +41,9 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
 {
     steer_init(&pipeline->steer, arena, settings->dsp, settings->kernel_radius_px,
                settings->gradient_min_q3, width_px, height_px);
+    if (width_px >= 2 && height_px >= 2) {
+        steer_halve(&pipeline->steer, &pipeline->half);
+    }
     edges_init(&pipeline->edges, arena, width_px);
     chains_init(&pipeline->chains, arena, width_px, height_px);
     pipeline->contour.x_px_q16 = arena_take(arena, LIMIT_CONTOUR_POINTS, sizeof(int32_t));
@@ -43,6 +51,7 @@ static void deal_memory(struct pipeline *pipeline, struct arena *arena, uint16_t
     ellipses_init(&pipeline->ellipses, arena, width_px, height_px);
     marks_init(&pipeline->marks, arena, width_px, height_px);
     patches_init(&pipeline->patches, arena, &settings->patches, width_px, height_px);
+    survey_init(&pipeline->survey, arena, width_px, height_px);
     refine_init(&pipeline->refine, arena, settings->dsp, &settings->patches,
                 pipeline->steer.taps->sigma_px_q16);
     lattice_init(&pipeline->lattice, arena);
@@ -81,29 +90,30 @@ static void book(struct pipeline *pipeline, enum pipeline_stage stage, uint64_t 
     }
 }
 
-void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
+/* Rows to ellipses, in pixels of what `steer` sees: the frame, or the frame at half its size. */
+static void scan(struct pipeline *pipeline, struct steer *steer, const struct frame_view *frame,
+                 uint64_t *since)
 {
-    assert(frame->width_px == pipeline->width_px && frame->height_px == pipeline->height_px);
-    for (unsigned stage = 0; stage < PIPELINE_STAGES; stage++) {
-        pipeline->spent[stage] = 0;
-    }
-    uint64_t since = pipeline->clock != NULL ? pipeline->clock() : 0;
-    steer_begin(&pipeline->steer);
+    steer_begin(steer);
     chains_begin(&pipeline->chains);
     ellipses_begin(&pipeline->ellipses);
+    survey_begin(&pipeline->survey);
 
     const struct dsp_gradient *above = NULL;
-    for (uint16_t y = 0; y < frame->height_px; y++) {
-        const struct dsp_gradient *row = steer_row(&pipeline->steer, frame, y);
-        book(pipeline, PIPELINE_STEER, &since);
-        edges_scan_row(above, row, y, frame->width_px, &pipeline->edges);
-        book(pipeline, PIPELINE_EDGES, &since);
+    for (uint16_t y = 0; y < steer->height; y++) {
+        const struct dsp_gradient *row = steer_row(steer, frame, y);
+        book(pipeline, PIPELINE_STEER, since);
+        edges_scan_row(above, row, y, steer->width, &pipeline->edges);
+        if (steer->halved) {
+            survey_count(&pipeline->survey, &pipeline->edges, y);
+        }
+        book(pipeline, PIPELINE_EDGES, since);
         chains_link_row(&pipeline->chains, &pipeline->edges, y == 0);
-        book(pipeline, PIPELINE_CHAINS, &since);
+        book(pipeline, PIPELINE_CHAINS, since);
         while (chains_take(&pipeline->chains, ELLIPSES_POINTS_MIN, &pipeline->contour)) {
             ellipses_add(&pipeline->ellipses, &pipeline->contour);
         }
-        book(pipeline, PIPELINE_ELLIPSES, &since);
+        book(pipeline, PIPELINE_ELLIPSES, since);
         above = row;
     }
     chains_end(&pipeline->chains);
@@ -111,24 +121,32 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
         ellipses_add(&pipeline->ellipses, &pipeline->contour);
     }
     ellipses_end(&pipeline->ellipses);
-    book(pipeline, PIPELINE_ELLIPSES, &since);
-    marks_classify(&pipeline->ellipses, pipeline->steer.taps->sigma_px_q16,
-                   patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
-    book(pipeline, PIPELINE_MARKS, &since);
-    patches_decode(&pipeline->marks, &pipeline->patches);
-    book(pipeline, PIPELINE_PATCHES, &since);
-    refine_marks(&pipeline->refine, frame, &pipeline->patches, &pipeline->marks);
-    book(pipeline, PIPELINE_REFINE, &since);
-    lattice_extend(&pipeline->lattice, &pipeline->refine, frame, &pipeline->patches,
-                   &pipeline->marks);
-    book(pipeline, PIPELINE_LATTICE, &since);
+    if (steer->halved) {
+        ellipses_double(&pipeline->ellipses);
+    }
+    book(pipeline, PIPELINE_ELLIPSES, since);
 }
 
-const char *pipeline_stage_name(enum pipeline_stage stage)
+/* Ellipses to named patches. */
+static void name(struct pipeline *pipeline, const struct steer *steer, uint64_t *since)
 {
-    static const char *const names[PIPELINE_STAGES] = {"steer", "edges", "chains", "ellipses",
-                                                       "marks", "patches", "refine", "lattice"};
-    return names[stage];
+    marks_classify(&pipeline->ellipses, steer->taps->sigma_px_q16,
+                   patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
+    book(pipeline, PIPELINE_MARKS, since);
+    patches_decode(&pipeline->marks, &pipeline->patches);
+    book(pipeline, PIPELINE_PATCHES, since);
+}
+
+/* Named patches to all that can be seen of them, as exactly as can be. */
+static void complete(struct pipeline *pipeline, const struct steer *steer,
+                     const struct frame_view *frame, uint64_t *since)
+{
+    refine_set_kernel(&pipeline->refine, steer_sigma_px_q16(steer));
+    refine_marks(&pipeline->refine, frame, &pipeline->patches, &pipeline->marks);
+    book(pipeline, PIPELINE_REFINE, since);
+    lattice_extend(&pipeline->lattice, &pipeline->refine, frame, &pipeline->patches,
+                   &pipeline->marks);
+    book(pipeline, PIPELINE_LATTICE, since);
 }
 
 uint16_t pipeline_truncated(const struct pipeline *pipeline)
@@ -140,6 +158,50 @@ uint16_t pipeline_truncated(const struct pipeline *pipeline)
     bits |= pipeline->lattice.truncated ? (unsigned)WIRE_TRUNCATED_MARKS : 0u;
     bits |= pipeline->patches.truncated ? (unsigned)WIRE_TRUNCATED_PATCHES : 0u;
     return (uint16_t)bits;
+}
+
+/* Tries with half the frame's size, at a quarter of the cost. False where that leaves something to be
+ * explained. Only the target's file tells where circles are that half the size does not show. */
+static bool run_halved(struct pipeline *pipeline, const struct frame_view *frame, uint64_t *since)
+{
+    if (pipeline->settings.patches.target == NULL || frame->width_px < HALVED_MIN_PX ||
+        frame->height_px < HALVED_MIN_PX) {
+        return false;
+    }
+    scan(pipeline, &pipeline->half, frame, since);
+    name(pipeline, &pipeline->half, since);
+    const uint32_t cells = survey_left(&pipeline->survey);
+    survey_explain(&pipeline->survey, &pipeline->patches, &pipeline->marks);
+    if (pipeline_truncated(pipeline) != 0 ||
+        HALVED_SHARE * (cells - survey_left(&pipeline->survey)) < cells) {
+        return false;
+    }
+    complete(pipeline, &pipeline->half, frame, since);
+    survey_explain(&pipeline->survey, &pipeline->patches, &pipeline->marks);
+    return pipeline_truncated(pipeline) == 0 && survey_left(&pipeline->survey) == 0;
+}
+
+void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
+{
+    assert(frame->width_px == pipeline->width_px && frame->height_px == pipeline->height_px);
+    for (unsigned stage = 0; stage < PIPELINE_STAGES; stage++) {
+        pipeline->spent[stage] = 0;
+    }
+    uint64_t since = pipeline->clock != NULL ? pipeline->clock() : 0;
+    pipeline->lattice.truncated = false; /* the last frame's: it is asked before the lattice has run */
+    pipeline->seen_in_full = !run_halved(pipeline, frame, &since);
+    if (pipeline->seen_in_full) {
+        scan(pipeline, &pipeline->steer, frame, &since);
+        name(pipeline, &pipeline->steer, &since);
+        complete(pipeline, &pipeline->steer, frame, &since);
+    }
+}
+
+const char *pipeline_stage_name(enum pipeline_stage stage)
+{
+    static const char *const names[PIPELINE_STAGES] = {"steer", "edges", "chains", "ellipses",
+                                                       "marks", "patches", "refine", "lattice"};
+    return names[stage];
 }
 
 const struct packet *pipeline_packet(struct pipeline *pipeline, const struct wire_header *about)

@@ -11,6 +11,7 @@
 #include "firmware/detect/patches.h"
 #include "firmware/detect/refine.h"
 #include "firmware/detect/steer.h"
+#include "firmware/detect/survey.h"
 
 /* What a user may choose. pipeline_defaults gives a good start. */
 struct pipeline_settings {
@@ -39,15 +40,18 @@ struct pipeline {
     uint16_t         width_px;
     uint16_t         height_px;
     struct steer     steer;
+    struct steer     half;    /* the same memory, for the frame at half its size */
     struct edge_row  edges;
     struct chains    chains;
     struct contour   contour;
     struct ellipses  ellipses;
     struct marks     marks;
     struct patches   patches;
+    struct survey    survey;
     struct refine    refine;
     struct lattice   lattice;
     struct packet    packet;
+    bool             seen_in_full; /* the last frame: half its size did not explain it */
     /* Set by a program that wants to know where the time goes: its clock, read between the stages. */
     uint64_t       (*clock)(void);            /* NULL: nothing is timed                     */
     uint64_t         spent[PIPELINE_STAGES];  /* in the last frame, in the clock's units    */

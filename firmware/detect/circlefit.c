@@ -13,6 +13,9 @@
 #define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
 #define OCTANT_PIXELS_MIN 4u
+#define GROWTH_MAX_Q36    ((int64_t)1 << 33) /* an eighth */
+#define COARSE_STEPS      2u
+#define FAR_SHARE         5
 #define PEAK_SHIFT_MAX    8u
 #define PEAK_MAX_Q15      ((int64_t)64 << 15)
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
@@ -293,28 +296,55 @@ bool circlefit_estimate_blur(const struct circlefit *fit, const struct frame_vie
     const int64_t square_q32 = total_q16 * total_q16 - kernel_q16 * kernel_q16;
     int64_t blur_q16 = square_q32 > 0 ? root_u64((uint64_t)square_q32) : 0;
     blur_q16 = blur_q16 < 45875 ? 45875 : blur_q16;
-    view->blur_px_q16 = (int32_t)(blur_q16 > 163840 ? 163840 : blur_q16);
-    return true;
+    blur_q16 = blur_q16 > 163840 ? 163840 : blur_q16;
+    view->blur_px_q16 = (int32_t)blur_q16;
+    /* The blurred edge of a disc is steepest inside of it: its slope goes as exp(-(r - R)^2 / 2 s^2) / sqrt(r), which
+     * is largest at r = R - s^2 / 2 R. The ellipse is enlarged by as much. */
+    const int64_t square_px2_q16 = (kernel_q16 * kernel_q16 + blur_q16 * blur_q16) >> 16;
+    const int64_t size_px2_q16 = ((int64_t)view->size_px_q16 * view->size_px_q16) >> 16;
+    const int64_t growth_q36 = (square_px2_q16 << 35) / size_px2_q16;
+    const int64_t enlarged[ELLIPSE_UNKNOWNS] = {0, 0, growth_q36 < GROWTH_MAX_Q36 ? growth_q36 : GROWTH_MAX_Q36};
+    return ellipse_step(&view->ellipse, &view->root, enlarged) && prepare_view(view);
 }
 
-/* The first solution, from raw pixels and the blur in *view. False where there is no such circle. */
+/* Whether a solution moves the circle so far that its derivatives have changed. A step of d blurs leaves about
+ * d^2 / 4 of one; the second pass takes that squared. */
+static bool is_far(const int64_t solution_q30[RIM_UNKNOWNS])
+{
+    int64_t farthest_q30 = 0;
+    for (unsigned i = 0; i < ELLIPSE_UNKNOWNS; i++) {
+        const int64_t part_q30 = fx_abs_i64(solution_q30[i]);
+        farthest_q30 = part_q30 > farthest_q30 ? part_q30 : farthest_q30;
+    }
+    return FAR_SHARE * farthest_q30 > fx_abs_i64(solution_q30[RIM_CONTRAST]);
+}
+
+/* The first solution, from raw pixels and the blur in *view; a second time where the first led far. False where
+ * there is no such circle. */
 bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *frame,
                       struct rim_view *view, bool white)
 {
-    struct rim_sums sum;
-    struct smallsolve factored = {.size = RIM_UNKNOWNS};
-    int64_t solution_q30[RIM_UNKNOWNS];
-    rim_gather(&fit->rim, frame, view, &sum);
-    if (!solve_pixels(&sum, &factored, solution_q30)) {
-        return false;
+    bool far = true;
+    for (unsigned step = 0; far && step < COARSE_STEPS; step++) {
+        struct rim_sums sum;
+        struct smallsolve factored = {.size = RIM_UNKNOWNS};
+        int64_t solution_q30[RIM_UNKNOWNS];
+        rim_gather(&fit->rim, frame, view, &sum);
+        if (!solve_pixels(&sum, &factored, solution_q30)) {
+            return false;
+        }
+        view->level_q30 = solution_q30[RIM_LEVEL];
+        view->contrast_q30 = solution_q30[RIM_CONTRAST];
+        /* Bright inside is positive contrast; anything else is another edge. */
+        if (fx_abs_i64(view->contrast_q30) < CONTRAST_MIN_Q30 ||
+            (view->contrast_q30 > 0) != white ||
+            !apply_solution(view, solution_q30, view->contrast_q30)) {
+            return false;
+        }
+        far = is_far(solution_q30);
     }
-    view->level_q30 = solution_q30[RIM_LEVEL];
-    view->contrast_q30 = solution_q30[RIM_CONTRAST];
     view->fine = true;
-    /* Bright inside is positive contrast; anything else is another edge. */
-    return fx_abs_i64(view->contrast_q30) >= CONTRAST_MIN_Q30 &&
-           (view->contrast_q30 > 0) == white &&
-           apply_solution(view, solution_q30, view->contrast_q30);
+    return true;
 }
 
 /* The second, from what the first left over; with the noise. False leaves the mark as it was. */

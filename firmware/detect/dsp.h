@@ -44,6 +44,9 @@ struct dsp_kernels {
     const char *name;
     /* Bytes, grey levels of 256, as luma: times 16. */
     void (*widen)(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4);
+    /* Two rows of 2 * width bytes as one of half their size: sums of four, times 4. */
+    void (*halve)(const uint8_t *above, const uint8_t *below, unsigned width,
+                  uint16_t *out_grey_q4);
     /* luma_grey_q4 points at the first pixel of a row padded by taps->radius on both sides. */
     void (*along_x)(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out);

@@ -5,6 +5,7 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
+#include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 
 #define VEC              __m256i

@@ -5,6 +5,7 @@
 #if defined(__ARM_NEON)
 #include <arm_neon.h>
 
+#include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 
 #define LANES 8u
@@ -240,6 +241,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 const struct dsp_kernels dsp_neon = {
     .name = "neon",
     .widen = widen,
+    .halve = halve_bytes,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

@@ -1,6 +1,7 @@
 /* The row kernels in plain C: always built, the reference for every variant. */
 #include "common/fx/fx.h"
 #include "firmware/detect/dsp.h"
+#include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 
 static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
@@ -92,6 +93,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 const struct dsp_kernels dsp_scalar = {
     .name = "scalar",
     .widen = widen,
+    .halve = halve_bytes,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

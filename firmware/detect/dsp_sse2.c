@@ -4,6 +4,7 @@
 #if defined(__x86_64__)
 #include <emmintrin.h>
 
+#include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 
 #define VEC              __m128i

@@ -276,6 +276,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 const struct dsp_kernels KERNELS = {
     .name = NAME,
     .widen = widen,
+    .halve = halve_bytes,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

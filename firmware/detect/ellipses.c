@@ -213,3 +213,26 @@ void ellipses_end(struct ellipses *ellipses)
         }
     }
 }
+
+void ellipses_double(struct ellipses *ellipses)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < ellipses->count; i++) {
+        struct ellipses_item *item = &ellipses->at[i];
+        struct ellipse *e = &item->ellipse;
+        if (e->shape_xx_px2_q12 > ELLIPSE_SHAPE_MAX_PX2_Q12 / 4 ||
+            e->shape_yy_px2_q12 > ELLIPSE_SHAPE_MAX_PX2_Q12 / 4) {
+            continue;
+        }
+        /* Pixel 0 of the small frame has its centre between pixels 0 and 1 of the large one. */
+        e->x_px_q16 = 2 * e->x_px_q16 + 32768;
+        e->y_px_q16 = 2 * e->y_px_q16 + 32768;
+        e->shape_xx_px2_q12 *= 4;
+        e->shape_xy_px2_q12 *= 4;
+        e->shape_yy_px2_q12 *= 4;
+        item->quality.residual_px_q16 *= 2;
+        item->gradient_mean_q3 /= 2;
+        ellipses->at[kept++] = *item;
+    }
+    ellipses->count = kept;
+}

@@ -45,4 +45,8 @@ void ellipses_add(struct ellipses *ellipses, struct contour *contour);
 /* No more contours: merges the arcs that are left. */
 void ellipses_end(struct ellipses *ellipses);
 
+/* The list of a frame that was seen at half its size, in the frame's own pixels. What becomes too large is
+ * dropped. */
+void ellipses_double(struct ellipses *ellipses);
+
 #endif

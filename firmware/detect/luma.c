@@ -74,6 +74,23 @@ void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t
     luma_pad(frame->width_px, pad, out_grey_q4);
 }
 
+void luma_halved_row(const struct frame_view *frame, uint16_t y, uint16_t *out_grey_q4)
+{
+    assert(y < frame->height_px / 2);
+    uint16_t above[64];
+    uint16_t below[64];
+    const unsigned width = frame->width_px & ~1u;
+    for (unsigned x = 0; x < width; x += 64) {
+        const unsigned count = width - x < 64 ? width - x : 64;
+        luma_span(frame, (uint16_t)(2 * y), (uint16_t)x, count, above);
+        luma_span(frame, (uint16_t)(2 * y + 1), (uint16_t)x, count, below);
+        for (unsigned i = 0; i < count; i += 2) {
+            const int sum = above[i] + above[i + 1] + below[i] + below[i + 1];
+            out_grey_q4[(x + i) / 2] = (uint16_t)((sum + 2) / 4);
+        }
+    }
+}
+
 void luma_pad(unsigned width, unsigned pad, uint16_t *grey_q4)
 {
     for (unsigned i = 1; i <= pad; i++) {

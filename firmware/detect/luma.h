@@ -17,7 +17,10 @@ void luma_row(const struct frame_view *frame, uint16_t y, unsigned pad, uint16_t
 /* The copies alone: of the first and the last of `width` values. */
 void luma_pad(unsigned width, unsigned pad, uint16_t *grey_q4);
 
-/* The same for `count` pixels of row y from column x on, all inside the frame, without copies. */
+/* Row y (0 <= y < height / 2) of the frame at half its size: means of four pixels, rounded, width / 2 of them. */
+void luma_halved_row(const struct frame_view *frame, uint16_t y, uint16_t *out_grey_q4);
+
+/* The same as luma_row for `count` pixels of row y from column x on, all inside the frame, without copies. */
 void luma_span(const struct frame_view *frame, uint16_t y, uint16_t x, unsigned count,
                uint16_t *out_grey_q4);
 

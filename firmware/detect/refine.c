@@ -21,6 +21,11 @@ void refine_init(struct refine *refine, struct arena *arena, const struct dsp_ke
     refine->pairs = arena_take(arena, LAYOUT_FEATURES_LEVEL2, sizeof(struct boardmap_pair));
 }
 
+void refine_set_kernel(struct refine *refine, uint32_t kernel_sigma_px_q16)
+{
+    refine->fit.kernel_sigma_px_q16 = kernel_sigma_px_q16;
+}
+
 /* Whether the pixels are as quiet as the frame's others, all around. */
 static bool is_clean(const struct refine *refine, const struct mark *mark)
 {

@@ -26,6 +26,9 @@ struct refine {
 void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16);
 
+/* How wide the filters were that the next marks' edges went through, in pixels of the frame. */
+void refine_set_kernel(struct refine *refine, uint32_t kernel_sigma_px_q16);
+
 /* Improves the marks that the patches name: ellipse, size and sigma. A circle whose pixels do not look as
  * they should (something covers a part of it, another edge) is taken out of its patch. */
 void refine_marks(struct refine *refine, const struct frame_view *frame, struct patches *patches,

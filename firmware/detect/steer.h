@@ -21,6 +21,7 @@ struct steer {
     unsigned                  width;
     unsigned                  height;
     unsigned                  filtered;     /* rows filtered along x so far */
+    bool                      halved;       /* of the frame at half its size */
     uint16_t                 *luma_grey_q4; /* one row; the padding lies before it and after it */
     struct dsp_row            ring[STEER_RING_ROWS];
     struct dsp_gradient       rows[2];      /* the last two rows out: y is in rows[y & 1] */
@@ -32,11 +33,18 @@ void steer_init(struct steer *steer, struct arena *arena, const struct dsp_kerne
                 unsigned kernel_radius_px, uint32_t gradient_min_q3, unsigned width,
                 unsigned height);
 
+/* The same for the frame at half its size, in the same memory: one of the two at a time. Frames of 2x2 px or
+ * more. */
+void steer_halve(const struct steer *full, struct steer *half);
+
+/* How wide the filters are in pixels of the frame. */
+uint32_t steer_sigma_px_q16(const struct steer *steer);
+
 /* Starts a frame. */
 void steer_begin(struct steer *steer);
 
 /* The derivatives of row y; rows are asked for from 0 on, each once. The frame has the size given to
- * steer_init. The result holds until row y + 2 is asked for. */
+ * steer_init, also when it is seen at half that. The result holds until row y + 2 is asked for. */
 const struct dsp_gradient *steer_row(struct steer *steer, const struct frame_view *frame,
                                      uint16_t y);
 

@@ -34,8 +34,8 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
     "tests": ([""], ANY),
 }
 STREETS = {
-    "firmware/detect": "arena taps profile dsp luma steer edges chains arcs ellipse directfit refit "
-                       "ellipses marks patches boardmap pattern rim circlefit light refine lattice packet".split(),
+    "firmware/detect": "arena taps profile halve rimrow dsp luma steer edges chains arcs ellipse directfit refit "
+                       "ellipses marks patches survey boardmap pattern rim circlefit light refine lattice packet".split(),
     "host": "base net journal assoc obs model solve report rig".split(),
 }
 
