@@ -4,49 +4,20 @@
 
 #include "common/fx/fx.h"
 
-/* Values in a solve stay below this, so that their products with L (below 2^SMALL_L_BITS) fit. */
+/* Values in a solve stay below this. */
 #define SMALLSOLVE_VALUE_LIMIT ((int64_t)1 << 38)
-/* |l_ij| is at most sqrt(a_ii / d_j); with pivots from 2^-22 that is 2^12 at worst: 2^42 in Q30. */
+/* |l_ij| is at most sqrt(a_ii / d_j); with pivots from 2^-22 that is 2^12 at worst: 2^42 in Q30. Beyond raised
+ * pivots it may be anything, and is cut here, so that sums of eight products stay below 2^62. */
+#define SMALLSOLVE_L_BITS 44
 
-static bool has_32_bits(int64_t value)
-{
-    return value == (int32_t)value;
-}
-
-/* a * b in Q30 where the product may need more than 63 bits: the larger factor gives up low bits. */
-static int64_t mul_wide_q30(int64_t a_q30, int64_t b_q30)
-{
-    if (has_32_bits(a_q30) && has_32_bits(b_q30)) {
-        return fx_mul_q30(a_q30, b_q30);
-    }
-    const unsigned bits = fx_bits_i64(a_q30) + fx_bits_i64(b_q30);
-    if (bits <= 62) {
-        return fx_mul_q30(a_q30, b_q30);
-    }
-    const unsigned drop = bits - 62;
-    if (drop >= 30) {
-        /* Far out of range; saturate, the callers refuse such values. */
-        return (a_q30 < 0) != (b_q30 < 0) ? -((int64_t)1 << 60) : (int64_t)1 << 60;
-    }
-    if (fx_abs_i64(a_q30) > fx_abs_i64(b_q30)) {
-        a_q30 >>= drop;
-    } else {
-        b_q30 >>= drop;
-    }
-    return (a_q30 * b_q30) >> (30 - drop);
-}
-
-/* a / b in Q30, b > 0. */
+/* a / b in Q30, b > 0; cut to SMALLSOLVE_L_BITS. */
 static int64_t div_q30(int64_t a_q30, int64_t b_q30)
 {
     const unsigned bits = fx_bits_i64(a_q30);
-    if (bits <= 32) {
-        return fx_div_round(a_q30 * ((int64_t)1 << 30), b_q30);
-    }
-    const unsigned room = bits < 62 ? 62 - bits : 0;
+    const unsigned room = bits <= 32 ? 30 : bits < 62 ? 62 - bits : 0;
     const int64_t quotient = fx_div_round(a_q30 * ((int64_t)1 << room), b_q30);
-    if (fx_bits_i64(quotient) + (30 - room) > 61) {
-        return quotient < 0 ? -((int64_t)1 << 60) : (int64_t)1 << 60;
+    if (fx_bits_i64(quotient) + (30 - room) > SMALLSOLVE_L_BITS) {
+        return quotient < 0 ? -((int64_t)1 << SMALLSOLVE_L_BITS) : (int64_t)1 << SMALLSOLVE_L_BITS;
     }
     return quotient * ((int64_t)1 << (30 - room));
 }
@@ -60,8 +31,8 @@ bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30)
         int64_t scaled_q30[SMALLSOLVE_MAX]; /* l_jk d_k */
         int64_t pivot_q30 = a->at_q30[j][j];
         for (unsigned k = 0; k < j; k++) {
-            scaled_q30[k] = mul_wide_q30(a->at_q30[j][k], a->at_q30[k][k]);
-            pivot_q30 -= mul_wide_q30(scaled_q30[k], a->at_q30[j][k]);
+            scaled_q30[k] = fx_mul_wide_q30(a->at_q30[j][k], a->at_q30[k][k]);
+            pivot_q30 -= fx_mul_wide_q30(scaled_q30[k], a->at_q30[j][k]);
         }
         if (pivot_q30 < floor_q30) {
             pivot_q30 = floor_q30;
@@ -71,7 +42,7 @@ bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30)
         for (unsigned i = j + 1; i < a->size; i++) {
             int64_t sum_q30 = a->at_q30[i][j];
             for (unsigned k = 0; k < j; k++) {
-                sum_q30 -= mul_wide_q30(a->at_q30[i][k], scaled_q30[k]);
+                sum_q30 -= fx_mul_wide_q30(a->at_q30[i][k], scaled_q30[k]);
             }
             a->at_q30[i][j] = div_q30(sum_q30, pivot_q30);
         }
@@ -84,7 +55,7 @@ bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
     const unsigned size = factored->size;
     for (unsigned i = 0; i < size; i++) {
         for (unsigned k = 0; k < i; k++) {
-            x_q30[i] -= mul_wide_q30(factored->at_q30[i][k], x_q30[k]);
+            x_q30[i] -= fx_mul_wide_q30(factored->at_q30[i][k], x_q30[k]);
         }
         if (fx_abs_i64(x_q30[i]) > SMALLSOLVE_VALUE_LIMIT) {
             return false;
@@ -93,7 +64,7 @@ bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
     for (unsigned i = size; i-- > 0;) {
         x_q30[i] = div_q30(x_q30[i], factored->at_q30[i][i]);
         for (unsigned k = i + 1; k < size; k++) {
-            x_q30[i] -= mul_wide_q30(factored->at_q30[k][i], x_q30[k]);
+            x_q30[i] -= fx_mul_wide_q30(factored->at_q30[k][i], x_q30[k]);
         }
         if (fx_abs_i64(x_q30[i]) > SMALLSOLVE_VALUE_LIMIT) {
             return false;

@@ -257,6 +257,26 @@ static unsigned extend_patch(struct lattice *lattice, const struct refine *refin
     return added;
 }
 
+/* The part of the target that patches found so far can say something of: ends are one beyond. */
+struct reach {
+    unsigned top;
+    unsigned bottom;
+    unsigned left;
+    unsigned right;
+};
+
+static void widen(struct reach *reach, const struct target *target, unsigned row, unsigned col)
+{
+    const unsigned top = row < REACH_CELLS ? 0 : row - REACH_CELLS;
+    const unsigned left = col < REACH_CELLS ? 0 : col - REACH_CELLS;
+    const unsigned bottom = row + REACH_CELLS < target->rows ? row + REACH_CELLS + 1 : target->rows;
+    const unsigned right = col + REACH_CELLS < target->cols ? col + REACH_CELLS + 1 : target->cols;
+    reach->top = top < reach->top ? top : reach->top;
+    reach->left = left < reach->left ? left : reach->left;
+    reach->bottom = bottom > reach->bottom ? bottom : reach->bottom;
+    reach->right = right > reach->right ? right : reach->right;
+}
+
 void lattice_extend(struct lattice *lattice, const struct refine *refine,
                     const struct frame_view *frame, struct patches *patches, struct marks *marks)
 {
@@ -270,19 +290,27 @@ void lattice_extend(struct lattice *lattice, const struct refine *refine,
     for (unsigned i = 0; i < places; i++) {
         lattice->patch_of[i] = MARKS_NONE;
     }
+    struct reach reach = {target->rows, 0, target->cols, 0};
     for (uint32_t i = 0; i < patches->count; i++) {
         uint16_t row;
         uint16_t col;
         uint8_t turn;
         if (target_find(target, patches->at[i].id, &row, &col, &turn)) {
             lattice->patch_of[row * target->cols + col] = i;
+            widen(&reach, target, row, col);
         }
     }
     for (unsigned round = 0; round < ROUNDS_MAX; round++) {
         uint32_t added = 0;
-        for (unsigned place = 0; place < places; place++) {
-            added += extend_patch(lattice, refine, frame, patches, marks, place / target->cols,
-                                  place % target->cols);
+        for (unsigned row = reach.top; row < reach.bottom; row++) {
+            for (unsigned col = reach.left; col < reach.right; col++) {
+                const unsigned found =
+                    extend_patch(lattice, refine, frame, patches, marks, row, col);
+                if (found > 0) {
+                    widen(&reach, target, row, col);
+                }
+                added += found;
+            }
         }
         lattice->added += added;
         if (added == 0) {

@@ -11,6 +11,7 @@
 
 #define RIMROW_PIXELS 128u
 #define RIMROW_STEP   16u /* whole multiples are computed */
+#define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
 #define RIMROW_PEAKS  8u  /* coefficients of the peak's polynomial */
 #define RIMROW_COLUMNS 9u
@@ -59,8 +60,8 @@ struct rimrow_view {
 
 /* Pixels in and rows out. */
 struct rimrow_batch {
-    int32_t  p_q14[RIMROW_PIXELS];
-    int32_t  q_q14[RIMROW_PIXELS];
+    int32_t  p_q14[RIMROW_PIXELS + RIMROW_RAMP];
+    int32_t  q_q14[RIMROW_PIXELS + RIMROW_RAMP];
     uint16_t grey_q4[RIMROW_PIXELS + 4]; /* readers write four at a time */
     /* Q11: by p, q, size, two elongations, level, contrast, blur; the rest as it is. Zero where a pixel is not
      * kept. */

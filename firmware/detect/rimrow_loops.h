@@ -223,6 +223,21 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     batch->octant[i] = (int16_t)((octant & kept) | (8 & ~kept));
 }
 
+/* Places along a row: p and q of `count` pixels from the first on, Q24 with Q24 steps, rounded. Up to
+ * RIMROW_RAMP - 1 more are written. */
+static void rimrow_ramp(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_t q_step_q24,
+                        unsigned count, int32_t *p_q14, int32_t *q_q14)
+{
+    for (unsigned x = 0; x < count; x += RIMROW_RAMP) {
+        for (int32_t i = 0; i < RIMROW_RAMP; i++) {
+            p_q14[x + (unsigned)i] = rimrow_round(p_q24 + i * p_step_q24, 10);
+            q_q14[x + (unsigned)i] = rimrow_round(q_q24 + i * q_step_q24, 10);
+        }
+        p_q24 += RIMROW_RAMP * p_step_q24;
+        q_q24 += RIMROW_RAMP * q_step_q24;
+    }
+}
+
 /* Computes whole steps of `count` pixels; the caller pads with p = q = 0, which is never kept. */
 static void rimrow_rows(const struct rimrow_view *given, unsigned count, struct rimrow_batch *batch)
 {
