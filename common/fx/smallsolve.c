@@ -10,16 +10,20 @@
  * pivots it may be anything, and is cut here, so that sums of eight products stay below 2^62. */
 #define SMALLSOLVE_L_BITS 44
 
-/* a / b in Q30, b > 0; cut to SMALLSOLVE_L_BITS. */
-static int64_t div_q30(int64_t a_q30, int64_t b_q30)
+/* 1 / b in Q30, b > 0: 2^60 over it, rounded. */
+static int64_t invert_q30(int64_t b_q30)
 {
-    const unsigned bits = fx_bits_i64(a_q30);
-    const unsigned room = bits <= 32 ? 30 : bits < 62 ? 62 - bits : 0;
-    const int64_t quotient = fx_div_round(a_q30 * ((int64_t)1 << room), b_q30);
-    if (fx_bits_i64(quotient) + (30 - room) > SMALLSOLVE_L_BITS) {
-        return quotient < 0 ? -((int64_t)1 << SMALLSOLVE_L_BITS) : (int64_t)1 << SMALLSOLVE_L_BITS;
+    return fx_div_round((int64_t)1 << 60, b_q30);
+}
+
+/* sum / pivot, cut to SMALLSOLVE_L_BITS. */
+static int64_t entry_of_l_q30(int64_t sum_q30, int64_t pivot_q30, int64_t over_pivot_q30)
+{
+    const int64_t limit_q30 = pivot_q30 << (SMALLSOLVE_L_BITS - 30);
+    if (fx_abs_i64(sum_q30) > limit_q30) {
+        return sum_q30 < 0 ? -((int64_t)1 << SMALLSOLVE_L_BITS) : (int64_t)1 << SMALLSOLVE_L_BITS;
     }
-    return quotient * ((int64_t)1 << (30 - room));
+    return fx_mul_wide_q30(sum_q30, over_pivot_q30);
 }
 
 bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30)
@@ -39,12 +43,13 @@ bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30)
             regular = false;
         }
         a->at_q30[j][j] = pivot_q30;
+        a->over_pivot_q30[j] = invert_q30(pivot_q30);
         for (unsigned i = j + 1; i < a->size; i++) {
             int64_t sum_q30 = a->at_q30[i][j];
             for (unsigned k = 0; k < j; k++) {
                 sum_q30 -= fx_mul_wide_q30(a->at_q30[i][k], scaled_q30[k]);
             }
-            a->at_q30[i][j] = div_q30(sum_q30, pivot_q30);
+            a->at_q30[i][j] = entry_of_l_q30(sum_q30, pivot_q30, a->over_pivot_q30[j]);
         }
     }
     return regular;
@@ -62,7 +67,7 @@ bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
         }
     }
     for (unsigned i = size; i-- > 0;) {
-        x_q30[i] = div_q30(x_q30[i], factored->at_q30[i][i]);
+        x_q30[i] = fx_mul_wide_q30(x_q30[i], factored->over_pivot_q30[i]);
         for (unsigned k = i + 1; k < size; k++) {
             x_q30[i] -= fx_mul_wide_q30(factored->at_q30[k][i], x_q30[k]);
         }

@@ -16,9 +16,11 @@ extern "C" {
 
 #define SMALLSOLVE_MAX 8
 
-/* A = L D L', L with a unit diagonal. The strict lower part holds L, the diagonal D. */
+/* A = L D L', L with a unit diagonal. The strict lower part holds L, the diagonal D; over_pivot is 1 / D, so
+ * that a column costs one division. */
 struct smallsolve {
     int64_t at_q30[SMALLSOLVE_MAX][SMALLSOLVE_MAX];
+    int64_t over_pivot_q30[SMALLSOLVE_MAX];
     unsigned size;
 };
 

@@ -226,15 +226,12 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
 /* Places along a row: p and q of `count` pixels from the first on, Q24 with Q24 steps, rounded. Up to
  * RIMROW_RAMP - 1 more are written. */
 static void rimrow_ramp(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_t q_step_q24,
-                        unsigned count, int32_t *p_q14, int32_t *q_q14)
+                        unsigned count, int32_t *restrict p_q14, int32_t *restrict q_q14)
 {
-    for (unsigned x = 0; x < count; x += RIMROW_RAMP) {
-        for (int32_t i = 0; i < RIMROW_RAMP; i++) {
-            p_q14[x + (unsigned)i] = rimrow_round(p_q24 + i * p_step_q24, 10);
-            q_q14[x + (unsigned)i] = rimrow_round(q_q24 + i * q_step_q24, 10);
-        }
-        p_q24 += RIMROW_RAMP * p_step_q24;
-        q_q24 += RIMROW_RAMP * q_step_q24;
+    const unsigned whole = (count + RIMROW_RAMP - 1) / RIMROW_RAMP * RIMROW_RAMP;
+    for (unsigned x = 0; x < whole; x++) {
+        p_q14[x] = rimrow_round(p_q24 + (int32_t)x * p_step_q24, 10);
+        q_q14[x] = rimrow_round(q_q24 + (int32_t)x * q_step_q24, 10);
     }
 }
 
