@@ -6,7 +6,7 @@
 #include "firmware/limits.h"
 
 /* The most points that a fit is given. */
-#define POINTS_ENOUGH 40u
+#define POINTS_ENOUGH 24u
 
 /* Chords, in points, over which arcs are looked for: 4 points follow circles of radius 3 px, 16 see the
  * bend of a radius of 100 px. */
