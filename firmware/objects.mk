@@ -19,6 +19,8 @@ detect_SRC := \
   firmware/detect/profile_table.c \
   firmware/detect/boardmap.c \
   firmware/detect/pattern.c \
+  firmware/detect/curve_table.c \
+  firmware/detect/curve.c \
   firmware/detect/rim.c \
   firmware/detect/circlefit.c \
   firmware/detect/light.c \

@@ -16,11 +16,9 @@
 #define GROWTH_MAX_Q36    ((int64_t)1 << 33) /* an eighth */
 #define COARSE_STEPS      2u
 #define FAR_SHARE         5
-#define PEAK_SHIFT_MAX    8u
-#define PEAK_MAX_Q15      ((int64_t)64 << 15)
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
-#define GAP_SIGMAS_Q8     384 /* 1.5 */
+#define GAP_SIGMAS_Q8     269 /* 1.05 */
 
 /* exp(-t^2 / 2) by the normal density; 0 beyond t = 4. */
 static int64_t exp_q15(int64_t t_q16)
@@ -31,48 +29,6 @@ static int64_t exp_q15(int64_t t_q16)
     int32_t bell_q15;
     (void)profile_edge((int32_t)t_q16, &bell_q15);
     return (bell_q15 * FX_Q(2.5066283, 13)) >> 13;
-}
-
-/* Places on [-1, 1] through which the peak's polynomial goes: cos((i + 1/2) pi / 8), Q20 (Chebyshev's), but
- * the first at the rim itself, where a jump would be seen. */
-static const int32_t peak_nodes_q20[RIMROW_PEAKS] = {1048576, 871859, 582558, 204567,
-                                                     -204567, -582558, -871859, -1028428};
-
-/* The polynomial through the values at the nodes, by Newton's divided differences. A peak too high for the rows'
- * arithmetic becomes one of which no pixel is kept. */
-static void fit_peak(const int64_t values_q15[RIMROW_PEAKS], struct rimrow_peak *peak)
-{
-    int64_t differences_q24[RIMROW_PEAKS];
-    int64_t powers_q24[RIMROW_PEAKS] = {0};
-    for (unsigned i = 0; i < RIMROW_PEAKS; i++) {
-        differences_q24[i] = values_q15[i] * 512;
-    }
-    for (unsigned level = 1; level < RIMROW_PEAKS; level++) {
-        for (unsigned i = RIMROW_PEAKS - 1; i >= level; i--) {
-            differences_q24[i] = (differences_q24[i] - differences_q24[i - 1]) * (1 << 20) /
-                                 (peak_nodes_q20[i] - peak_nodes_q20[i - level]);
-        }
-    }
-    for (unsigned i = RIMROW_PEAKS; i-- > 0;) {
-        /* powers (y - node) + difference */
-        for (unsigned k = RIMROW_PEAKS - 1; k > 0; k--) {
-            powers_q24[k] = powers_q24[k - 1] - powers_q24[k] * peak_nodes_q20[i] / (1 << 20);
-        }
-        powers_q24[0] = differences_q24[i] - powers_q24[0] * peak_nodes_q20[i] / (1 << 20);
-    }
-    int64_t size_q24 = 0;
-    for (unsigned i = 0; i < RIMROW_PEAKS; i++) {
-        size_q24 += fx_abs_i64(powers_q24[i]);
-    }
-    const unsigned bits = fx_bits_i64(size_q24);
-    peak->shift = bits > 26 ? bits - 26 : 0;
-    if (peak->shift > PEAK_SHIFT_MAX) {
-        *peak = (struct rimrow_peak){.at = {1 << 16}};
-        return;
-    }
-    for (unsigned i = 0; i < RIMROW_PEAKS; i++) {
-        peak->at[i] = (int32_t)fx_round_shift_i64(powers_q24[i], 9 + peak->shift);
-    }
 }
 
 void circlefit_init(struct circlefit *fit, struct arena *arena, const struct dsp_kernels *dsp,
@@ -90,16 +46,8 @@ void circlefit_init(struct circlefit *fit, struct arena *arena, const struct dsp
     int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
     rim_q15 = rim_q15 > 0 ? rim_q15 : 1; /* a target may state circles that have no edge at all */
     fit->rim.over_rim_q15 = ((int64_t)1 << 30) / rim_q15;
-    int64_t values_q15[RIMROW_PEAKS];
-    for (unsigned i = 0; i < RIMROW_PEAKS; i++) {
-        const uint32_t square_q24 = (uint32_t)(peak_nodes_q20[i] + (1 << 20)) << 3;
-        const int64_t rho_q16 = profile_root_q24(square_q24) >> 8;
-        const int64_t level_q15 =
-            edge_q15 + (((32768 - edge_q15) * exp_q15((rho_q16 * over_q16) >> 16)) >> 15);
-        const int64_t peak_q15 = (level_q15 << 15) / rim_q15;
-        values_q15[i] = peak_q15 < PEAK_MAX_Q15 ? peak_q15 : PEAK_MAX_Q15;
-    }
-    fit_peak(values_q15, &fit->rim.peak);
+    fit->rim.edge_q15 = edge_q15;
+    fit->rim.gauss_sigma_q16 = sigma_q16;
 }
 
 /* Fills what follows from the ellipse. |grad rho|^2 = p' (B'B)^-1 p on the unit circle: with B^-1 =

@@ -22,6 +22,10 @@
 #define THIN_SHARE_PX_Q16 (9 << 14) /* 2.25 */
 #define THIN_STEP_MAX   6
 
+#define EPS_MAX_Q16 62259 /* 0.95 */
+/* Peaks narrower than this, in radii, have ended at the rim, so that it does not matter that it cuts them. */
+#define PEAK_WIDE_Q16 29491 /* 0.45 */
+
 static_assert(RIMROW_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 
 /* What all pixels of a view share. */
@@ -31,6 +35,7 @@ struct band {
     int64_t outer_square_q16; /* rho^2 within which the whole band lies */
     int64_t inner_square_q16; /* and without; 0: the centre may be in it */
     int64_t outer_q16;
+    int64_t alpha_q16;        /* minor over major semi-axis */
     bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
 };
 
@@ -48,6 +53,7 @@ static struct band make_band(const struct rim_view *view)
     const int64_t swing_q24 = (int64_t)root_u64((uint64_t)(i1 * i1 + i2 * i2)) << 8;
     /* Directions are good to 2^-14, a share that the bounds leave room for. */
     band.within_range = i0 - swing_q24 > 1 << 21 && i0 + swing_q24 < (int64_t)1 << 27;
+    band.alpha_q16 = (i0 - swing_q24) >> 8; /* the semi-axes over R are inverse to each other */
     const int64_t most = band.within_range ? i0 + swing_q24 : 1 << 24;
     const int64_t least = band.within_range ? i0 - swing_q24 : 1 << 24;
     const int64_t over_minor_q24 = profile_root_q24((uint32_t)most) * (int64_t)101 / 100;
@@ -151,6 +157,34 @@ static void describe_brightness(const struct rim_view *view, struct rimrow_view 
     row->contrast_q_q2 = cut((contrast[1] * b->yy_px_q16) >> 32, 1 << 12);
 }
 
+/* The printed Gaussian, sg wide, through the blur: with eps = s / R and T = S sg^2 + s^2 the sum of both
+ * covariances, sg^2 / root(det) exp(-x' T^-1 x / 2), det = sg^4 + 2 sg^2 eps^2 i0 + eps^4; x' T^-1 x = rho^2
+ * (sg^2 + eps^2 (i0 - y)) / det. */
+static void describe_profile(const struct rim *rim, const struct rim_view *view,
+                             const struct band *band, struct rimrow_view *row)
+{
+    const int64_t eps_q16 = ((int64_t)view->blur_px_q16 << 16) / view->size_px_q16;
+    const int64_t cut_q16 = eps_q16 < EPS_MAX_Q16 ? eps_q16 : EPS_MAX_Q16;
+    curve_at(cut_q16, band->alpha_q16, row->curve_q14);
+    row->eps_q14 = (int32_t)(cut_q16 >> 2);
+
+    const int64_t blur_q28 = (cut_q16 * cut_q16) >> 4;
+    const int64_t peak_q28 = (rim->gauss_sigma_q16 * rim->gauss_sigma_q16) >> 4;
+    const int64_t mean_q28 = (blur_q28 * view->inverse_q24[0]) >> 24;
+    const int64_t det_q28 = ((peak_q28 * peak_q28) >> 28) + ((peak_q28 * mean_q28) >> 27) +
+                            ((blur_q28 * blur_q28) >> 28);
+    const int64_t whole_q28 = det_q28 > 0 ? det_q28 : 1;
+    row->peak_n0_q11 = cut(((peak_q28 + mean_q28) << 10) / whole_q28, 16 << 11);
+    row->peak_n1_q11 = cut((blur_q28 << 10) / whole_q28, 16 << 11);
+    /* 39.48 = phi(0)^-4. */
+    const int64_t width_q28 = (int64_t)root_u64((uint64_t)whole_q28 << 28);
+    const int64_t share_q14 = (peak_q28 << 14) / (width_q28 > 0 ? width_q28 : 1);
+    const int64_t swing_q15 = ((32768 - rim->edge_q15) * rim->over_rim_q15) >> 15;
+    row->peak_q8 = cut((((swing_q15 * share_q14) >> 14) * FX_Q(39.478, 8)) >> 15, (1 << 18) - 1);
+    row->peak_shown_q15 = rim->gauss_sigma_q16 > PEAK_WIDE_Q16 ? 0 : 1 << 15;
+    row->edge_q14 = cut((rim->edge_q15 * rim->over_rim_q15) >> 16, (2 << 14) - 1);
+}
+
 static void describe_view(const struct rim *rim, const struct rim_view *view,
                           const struct band *band, struct rimrow_view *row)
 {
@@ -167,9 +201,9 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .clear_q13 = (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8) * 32,
         .near_q13 = (int32_t)(((int64_t)BAND_MIN_PX_Q16 << 13) / view->blur_px_q16),
         .over_rim_q11 = cut(rim->over_rim_q15 >> 4, 16 << 11),
-        .peak = rim->peak,
         .rest_shift = 5,
     };
+    describe_profile(rim, view, band, row);
     if (view->edges.known) {
         describe_edges(view, band, row);
     }

@@ -7,13 +7,12 @@
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_H
 
-#include <stdint.h>
+#include "firmware/detect/curve.h"
 
 #define RIMROW_PIXELS 128u
 #define RIMROW_STEP   16u /* whole multiples are computed */
 #define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
-#define RIMROW_PEAKS  8u  /* coefficients of the peak's polynomial */
 #define RIMROW_COLUMNS 9u
 
 /* Distance from a straight edge in blurs of that edge, positive on the circle's side: t0 + tp p + tq q. */
@@ -21,13 +20,6 @@ struct rimrow_edge {
     int32_t t0_q11;
     int32_t tp;     /* Q(edge_shift - 3), so that |tp|, |tq| <= 2^14 */
     int32_t tq;
-};
-
-/* level(rho) / level(1) for rho <= 1 by powers of 2 rho^2 - 1, constant first, Q(15 - shift). The sizes of all
- * together are below 2^17. */
-struct rimrow_peak {
-    int32_t  at[RIMROW_PEAKS];
-    uint32_t shift;
 };
 
 /* What all pixels of one circle share. */
@@ -52,7 +44,15 @@ struct rimrow_view {
     int32_t  contrast_p_q2;    /* |.| <= 2^12 */
     int32_t  contrast_q_q2;
     uint32_t rest_shift;       /* rests are 1/32 grey_q4 shifted down by so much */
-    struct rimrow_peak peak;
+    /* The profile E = edge Phi(t) + A exp(-rho^2 (n0 - n1 y)) + the neighbours' part, over the swing at the rim.
+     * t by curve.h. */
+    int32_t  curve_q14[CURVE_TERMS];
+    int32_t  eps_q14;          /* s / R, at most 1 */
+    int32_t  edge_q14;         /* below 2 */
+    int32_t  peak_q8;          /* A / phi(0)^4, below 2^18 */
+    int32_t  peak_n0_q11;      /* at most 16, like the next */
+    int32_t  peak_n1_q11;
+    int32_t  peak_shown_q15;   /* 1: the peak goes on beyond the rim; 0: it ends there */
     uint32_t edge_count;       /* 0, or all RIMROW_EDGES with those that are none far away */
     uint32_t edge_shift;       /* at most 14 */
     struct rimrow_edge edges[RIMROW_EDGES];

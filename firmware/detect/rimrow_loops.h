@@ -81,48 +81,64 @@ RIMROW_INLINE int32_t rimrow_bell_of_q16(int32_t v_q15)
     return ((bell_q16 * v_q15) >> 15) + rimrow_bell_q16[0];
 }
 
-/* (Phi(t) - 1/2) / t by v = t^2 / 4 in [0, 1]; Q16. */
-RIMROW_INLINE int32_t rimrow_edge_of_q16(int32_t v_q15)
+/* phi(0)^4 exp(-8 v) for v in [0, 1), Q18. */
+RIMROW_INLINE int32_t rimrow_fourth_q18(int32_t v_q15)
 {
-    int32_t edge_q16 = rimrow_edge_q16[5];
-    edge_q16 = ((edge_q16 * v_q15) >> 15) + rimrow_edge_q16[4];
-    edge_q16 = ((edge_q16 * v_q15) >> 15) + rimrow_edge_q16[3];
-    edge_q16 = ((edge_q16 * v_q15) >> 15) + rimrow_edge_q16[2];
-    edge_q16 = ((edge_q16 * v_q15) >> 15) + rimrow_edge_q16[1];
-    return ((edge_q16 * v_q15) >> 15) + rimrow_edge_q16[0];
+    const int32_t first_q16 = rimrow_bell_of_q16(v_q15);
+    const int32_t second_q18 = (first_q16 * first_q16) >> 14;
+    return (second_q18 * second_q18) >> 18;
 }
 
-/* What lies beyond a straight edge t in [0, 4) blurs away: 1 - Phi(t) in *tail_q15, and t phi(t), how that grows
- * with the logarithm of the blur. */
-RIMROW_INLINE void rimrow_tail(int32_t t_q11, int32_t *tail_q15, int32_t *growth_q15)
+/* What lies beyond a straight edge t in [0, 4) blurs away: 1 - Phi(t) in *tail_q15; and phi(t). */
+RIMROW_INLINE void rimrow_tail(int32_t t_q13, int32_t *tail_q15, int32_t *bell_q15)
 {
     /* phi(t) = phi(t / 2)^4 / phi(0)^3, and phi(0)^-3 = 15.750. */
-    const int32_t half_q16 = rimrow_bell_of_q16((t_q11 * t_q11) >> 11);
-    const int32_t square_q18 = (half_q16 * half_q16) >> 14;
-    const int32_t fourth_q18 = (square_q18 * square_q18) >> 18;
-    const int32_t bell_q15 = rimrow_round(fourth_q18 * 32256, 14);
-    const int32_t y_q14 = t_q11 * 4 - (2 << 13);
-    int32_t mills_q15 = rimrow_mills_q15[6];
+    const int32_t fourth_q18 = rimrow_fourth_q18((t_q13 * t_q13) >> 15);
+    *bell_q15 = rimrow_round(fourth_q18 * 32256, 14);
+    const int32_t y_q14 = t_q13 - (1 << 14);
+    int32_t mills_q15 = rimrow_mills_q15[7];
+    mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[6];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[5];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[4];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[3];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[2];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[1];
     mills_q15 = ((mills_q15 * y_q14) >> 14) + rimrow_mills_q15[0];
-    *tail_q15 = (mills_q15 * bell_q15) >> 15;
-    *growth_q15 = (t_q11 * bell_q15) >> 11;
+    *tail_q15 = (mills_q15 * *bell_q15) >> 15;
 }
 
-/* level(rho) / level(1) inside the circle and 1 without, Q15; cut below 2. */
-RIMROW_INLINE int32_t rimrow_peak_q15(const struct rimrow_view *view, int32_t square_q28)
+/* A cubic of the curve's, by y; Q14. */
+RIMROW_INLINE int32_t rimrow_cubic_q14(const int32_t terms_q14[4], int32_t y_q14)
 {
-    const int32_t inside_q28 = rimrow_least(square_q28, 1 << 28);
-    const int32_t y_q14 = (inside_q28 >> 13) - (1 << 14); /* 2 rho^2 - 1 */
-    int32_t peak = view->peak.at[RIMROW_PEAKS - 1];
-    for (unsigned i = RIMROW_PEAKS - 1; i-- > 0;) {
-        peak = ((peak * y_q14) >> 14) + view->peak.at[i];
-    }
-    return rimrow_least(peak, RIMROW_LIMIT_Q15 >> view->peak.shift) << view->peak.shift;
+    int32_t sum_q14 = terms_q14[3];
+    sum_q14 = ((sum_q14 * y_q14) >> 14) + terms_q14[2];
+    sum_q14 = ((sum_q14 * y_q14) >> 14) + terms_q14[1];
+    return ((sum_q14 * y_q14) >> 14) + terms_q14[0];
+}
+
+/* From the distance tau to the t of which the blurred disc is Phi: curve.h. */
+RIMROW_INLINE int32_t rimrow_bend_q13(const struct rimrow_view *view, int32_t tau_q13, int32_t y_q14,
+                                      int32_t h_q14)
+{
+    const int32_t *c_q14 = view->curve_q14;
+    int32_t sum_q14 = c_q14[14];
+    sum_q14 = ((sum_q14 * tau_q13) >> 13) + c_q14[12] + ((c_q14[13] * y_q14) >> 14);
+    sum_q14 = ((sum_q14 * tau_q13) >> 13) + rimrow_cubic_q14(c_q14 + 8, y_q14);
+    sum_q14 = ((sum_q14 * tau_q13) >> 13) + rimrow_cubic_q14(c_q14 + 4, y_q14);
+    sum_q14 = ((sum_q14 * tau_q13) >> 13) + rimrow_cubic_q14(c_q14, y_q14);
+    const int32_t share_q14 = (view->eps_q14 * h_q14) >> 14;
+    const int32_t added_q13 = (rimrow_cut(sum_q14, 4 << 14) * share_q14) >> 15;
+    return rimrow_cut(tau_q13 + added_q13, (4 << 13) - 1);
+}
+
+/* The blurred Gaussian of the circle, which is not cut at its rim; Q15. */
+RIMROW_INLINE int32_t rimrow_peak_q15(const struct rimrow_view *view, int32_t square_q28,
+                                      int32_t y_q14)
+{
+    const int32_t n_q11 = view->peak_n0_q11 - ((view->peak_n1_q11 * y_q14) >> 14);
+    const int32_t u_q22 = (square_q28 >> 17) * rimrow_most(n_q11, 0);
+    const int32_t v_q15 = rimrow_least(u_q22 >> 10, 32767);
+    return (rimrow_fourth_q18(v_q15) * view->peak_q8) >> 11;
 }
 
 RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_count,
@@ -149,10 +165,9 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     const int32_t rho_q24 = rough_q14 * 1024 + ((miss_q24 * over_q15) >> 16);
 
     /* Distance inside the edge, in blurs. */
-    const int32_t inverse_q28 =
-        view->inverse_q28 +
-        ((view->inverse_cos_q15 * cos2_q14 + view->inverse_sin_q15 * sin2_q14) >> 1);
-    const int32_t h_q14 = rimrow_inverse_root_q15(inverse_q28) >> 1; /* h / R */
+    const int32_t swing_q29 =
+        view->inverse_cos_q15 * cos2_q14 + view->inverse_sin_q15 * sin2_q14;
+    const int32_t h_q14 = rimrow_inverse_root_q15(view->inverse_q28 + (swing_q29 >> 1)) >> 1;
     const int32_t depth = rimrow_cut(((1 << 24) - rho_q24) >> view->depth_shift, 23000);
     const int32_t along = rimrow_cut((depth * h_q14) >> 14, 16383);
     const int32_t far_q13 = (along * view->depth_q14) >> 14;
@@ -160,35 +175,42 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
         rimrow_most(((view->gap_q10 * h_q14) >> 11) - view->clear_q13, view->near_q13);
     kept &= ~(rimrow_below(RIMROW_BAND_Q13, far_q13) | rimrow_below(far_q13, -RIMROW_BAND_Q13) |
               rimrow_below(outwards_q13, -far_q13));
-    const int32_t t_q13 = rimrow_cut(far_q13, RIMROW_BAND_Q13);
+    const int32_t tau_q13 = rimrow_cut(far_q13, RIMROW_BAND_Q13);
 
     /* The edge's profile with the peak inside, and its slope. */
-    const int32_t v_q15 = (t_q13 * t_q13) >> 13;
-    const int32_t peak_q15 = rimrow_peak_q15(view, square_q28);
-    kept &= rimrow_below(peak_q15, RIMROW_LIMIT_Q15 >> view->peak.shift << view->peak.shift);
-    int32_t edge_q15 = (1 << 14) + ((t_q13 * rimrow_edge_of_q16(v_q15)) >> 14);
-    int32_t bell_q15 = rimrow_bell_of_q16(v_q15) >> 1;
-    edge_q15 = (int32_t)(((uint32_t)edge_q15 * (uint32_t)peak_q15) >> 15);
-    bell_q15 = (bell_q15 * peak_q15) >> 15;
+    const int32_t y_q14 = rimrow_cut(swing_q29 >> 15, CURVE_Y_MAX_Q14);
+    const int32_t t_q13 = rimrow_bend_q13(view, tau_q13, y_q14, h_q14);
+    const int32_t t_size_q13 = t_q13 < 0 ? -t_q13 : t_q13;
+    const int32_t outside = t_q13 >> 31;
+    int32_t tail_q15;
+    int32_t bell_q15;
+    rimrow_tail(t_size_q13, &tail_q15, &bell_q15);
+    const int32_t phi_q15 = (tail_q15 & outside) | (((1 << 15) - tail_q15) & ~outside);
+    const int32_t shown_q15 = rimrow_most(phi_q15, view->peak_shown_q15);
+    int32_t edge_q15 = ((phi_q15 * view->edge_q14) >> 14) +
+                       ((rimrow_least(rimrow_peak_q15(view, square_q28, y_q14), 65535) *
+                         (shown_q15 >> 1)) >> 14);
+    bell_q15 = (bell_q15 * view->edge_q14) >> 14;
     int32_t blur_q15 = -((t_q13 * bell_q15) >> 13);
 
     /* Beyond a neighbouring edge lies the circle's own colour in full. */
-    int32_t swing_q15 = 0;
+    int32_t others_q15 = 0;
     int32_t growth_q15 = 0;
     for (unsigned k = 0; k < edge_count; k++) {
         const struct rimrow_edge *at = &view->edges[k];
         const int32_t apart_q11 =
             at->t0_q11 + ((at->tp * p_q14 + at->tq * q_q14) >> view->edge_shift);
         kept &= ~(apart_q11 >> 31);
-        int32_t tail_q15;
-        int32_t grown_q15;
-        rimrow_tail(rimrow_most(rimrow_least(apart_q11, 4 << 11), 0), &tail_q15, &grown_q15);
         const int32_t near = rimrow_below(apart_q11, 4 << 11);
-        swing_q15 += tail_q15 & near;
-        growth_q15 += grown_q15 & near;
+        const int32_t apart_q13 = rimrow_most(rimrow_least(apart_q11 * 4, (4 << 13) - 1), 0);
+        int32_t beyond_q15;
+        int32_t slope_q15;
+        rimrow_tail(apart_q13, &beyond_q15, &slope_q15);
+        others_q15 += beyond_q15 & near;
+        growth_q15 += ((apart_q13 * slope_q15) >> 13) & near;
     }
     if (edge_count > 0) {
-        edge_q15 += (swing_q15 * view->over_rim_q11) >> 11;
+        edge_q15 += (others_q15 * view->over_rim_q11) >> 11;
         blur_q15 += (growth_q15 * view->over_rim_q11) >> 11;
     }
     kept &= ~(rimrow_below(RIMROW_LIMIT_Q15, edge_q15) | rimrow_below(RIMROW_LIMIT_Q15, blur_q15) |

@@ -5,8 +5,7 @@
 #include <stdint.h>
 
 static const int32_t rimrow_root_q15[5] = {29309, -11359, 6764, -7078, 5049};
-static const int32_t rimrow_edge_q16[6] = {26145, -17427, 10421, -4817, 1597, -281};
 static const int32_t rimrow_bell_q16[6] = {26145, -52254, 51860, -32939, 13384, -2658};
-static const int32_t rimrow_mills_q15[7] = {13807, -10371, 7033, -3902, 2359, -2372, 1207};
+static const int32_t rimrow_mills_q15[8] = {13805, -10305, 7076, -4439, 2243, -1285, 1285, -627};
 
 #endif

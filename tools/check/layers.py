@@ -34,7 +34,7 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
     "tests": ([""], ANY),
 }
 STREETS = {
-    "firmware/detect": "arena taps profile halve rimrow dsp luma steer edges chains arcs ellipse directfit refit "
+    "firmware/detect": "arena taps profile curve halve rimrow dsp luma steer edges chains arcs ellipse directfit refit "
                        "ellipses marks patches survey boardmap pattern rim circlefit light refine lattice packet".split(),
     "host": "base net journal assoc obs model solve report rig".split(),
 }
@@ -45,7 +45,7 @@ def street_fault(folder, source, include):
         if folder == street or folder.startswith(street + "/"):
             def stage(path):
                 name = Path(path).relative_to(street).parts[0].split(".")[0]
-                name = re.sub(r"^(dsp|taps|profile)_.*", r"\1", name)
+                name = re.sub(r"^(dsp|taps|profile|curve|halve|rimrow)_.*", r"\1", name)
                 return order.index(name) if name in order else None
             if include.startswith(street + "/"):
                 here, there = stage(source), stage(include)

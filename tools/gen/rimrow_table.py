@@ -6,8 +6,7 @@
 Each goes through the function at the Chebyshev nodes of its interval, which is within a small factor of the
 best polynomial of its degree. Errors, of the polynomials alone:
   root   1 / sqrt(n) on [1/2, 2], by n - 5/4:            2.7e-3 before one Newton step, 1.1e-5 after
-  edge   (Phi(t) - 1/2) / t on |t| <= 2, by t^2 / 4:     7e-7
-  bell   phi(t), same place:                             8e-6
+  bell   phi(t) on |t| <= 2, by t^2 / 4:                 8e-6
   mills  (1 - Phi(t)) / phi(t) on [0, 4], by (t - 2) / 2: 6e-4, of a tail below 0.12 where it is used
 """
 import math
@@ -21,16 +20,10 @@ def phi(t):
     return math.exp(-t * t / 2) / math.sqrt(2 * math.pi)
 
 
-def edge(v):
-    t = 2 * math.sqrt(v)
-    return 0.5 * math.erf(t / math.sqrt(2)) / t if t > 1e-6 else phi(0)
-
-
 POLYNOMIALS = [  # name, bits, degree, from, to, function
     ("rimrow_root", 15, 4, -0.75, 0.75, lambda y: 1 / math.sqrt(y + 1.25)),
-    ("rimrow_edge", 16, 5, 0.0, 1.0, edge),
     ("rimrow_bell", 16, 5, 0.0, 1.0, lambda v: phi(2 * math.sqrt(v))),
-    ("rimrow_mills", 15, 6, -1.0, 1.0,
+    ("rimrow_mills", 15, 7, -1.0, 1.0,
      lambda y: 0.5 * math.erfc((2 + 2 * y) / math.sqrt(2)) / phi(2 + 2 * y)),
 ]
 
