@@ -142,18 +142,24 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
         }
     }
     describe_patch(refine, patch, &pattern);
+    int32_t anchor_blur_px_q16 = 0;
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         if (patch->marks[i] == MARKS_NONE) {
             continue;
         }
         struct mark *mark = &marks->at[patch->marks[i]];
-        const struct rim_view *view = &refine->views[i];
+        struct rim_view *view = &refine->views[i];
+        /* The anchor, which comes first, tells the blur best. */
+        if (anchor_blur_px_q16 > 0) {
+            view->blur_px_q16 = anchor_blur_px_q16;
+        }
         if (circlefit_coarse(&refine->fit, frame, &refine->views[i], mark->white)) {
             mark->ellipse = view->ellipse;
             mark->size_px_q16 = view->size_px_q16;
             mark->blur_px_q16 = view->blur_px_q16;
             mark->level_q30 = fx_saturate_i32(view->level_q30);
             mark->contrast_q30 = fx_saturate_i32(view->contrast_q30);
+            anchor_blur_px_q16 = i == LAYOUT_ANCHOR ? view->blur_px_q16 : anchor_blur_px_q16;
         } else {
             refuse(refine, patch, i);
         }
