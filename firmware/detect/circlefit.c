@@ -15,7 +15,9 @@
 #define OCTANT_PIXELS_MIN 4u
 #define GROWTH_MAX_Q36    ((int64_t)1 << 33) /* an eighth */
 #define COARSE_STEPS      2u
-#define FAR_SHARE         5
+#define COARSE_FAR_SHARE  5
+#define FINE_STEPS        3u
+#define FINE_FAR_SHARE    12
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
 #define GAP_SIGMAS_Q8     269 /* 1.05 */
@@ -257,14 +259,14 @@ bool circlefit_estimate_blur(const struct circlefit *fit, const struct frame_vie
 
 /* Whether a solution moves the circle so far that its derivatives have changed. A step of d blurs leaves about
  * d^2 / 4 of one; the second pass takes that squared. */
-static bool is_far(const int64_t solution_q30[RIM_UNKNOWNS])
+static bool is_far(const int64_t solution_q30[RIM_UNKNOWNS], int64_t contrast_q30, int64_t share)
 {
     int64_t farthest_q30 = 0;
     for (unsigned i = 0; i < ELLIPSE_UNKNOWNS; i++) {
         const int64_t part_q30 = fx_abs_i64(solution_q30[i]);
         farthest_q30 = part_q30 > farthest_q30 ? part_q30 : farthest_q30;
     }
-    return FAR_SHARE * farthest_q30 > fx_abs_i64(solution_q30[RIM_CONTRAST]);
+    return share * farthest_q30 > fx_abs_i64(contrast_q30);
 }
 
 /* The first solution, from raw pixels and the blur in *view; a second time where the first led far. False where
@@ -289,7 +291,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
             !apply_solution(view, solution_q30, view->contrast_q30)) {
             return false;
         }
-        far = is_far(solution_q30);
+        far = is_far(solution_q30, view->contrast_q30, COARSE_FAR_SHARE);
     }
     view->fine = true;
     return true;
@@ -300,17 +302,27 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
                     struct rim_view *view, struct mark *mark)
 {
     struct mark fitted = *mark;
-    struct rim_sums sum;
-    struct smallsolve factored = {.size = RIM_UNKNOWNS};
-    int64_t solution_q30[RIM_UNKNOWNS];
-    rim_gather(&fit->rim, frame, view, &sum);
-    if (!solve_pixels(&sum, &factored, solution_q30) ||
-        !find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30), &fitted)) {
-        return false;
-    }
-    fitted.worst_q16 = worst_octant_q16(view, &sum);
-    if (!apply_solution(view, solution_q30, view->contrast_q30 * (1 << RIM_FINE_BITS))) {
-        return false;
+    bool far = true;
+    for (unsigned step = 0; far && step < FINE_STEPS; step++) {
+        struct rim_sums sum;
+        struct smallsolve factored = {.size = RIM_UNKNOWNS};
+        int64_t solution_q30[RIM_UNKNOWNS];
+        rim_gather(&fit->rim, frame, view, &sum);
+        if (!solve_pixels(&sum, &factored, solution_q30) ||
+            !find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30), &fitted)) {
+            return false;
+        }
+        fitted.worst_q16 = worst_octant_q16(view, &sum);
+        const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
+        if (!apply_solution(view, solution_q30, contrast_q30)) {
+            return false;
+        }
+        far = is_far(solution_q30, contrast_q30, FINE_FAR_SHARE);
+        view->level_q30 += solution_q30[RIM_LEVEL] >> RIM_FINE_BITS;
+        view->contrast_q30 += solution_q30[RIM_CONTRAST] >> RIM_FINE_BITS;
+        if (fx_abs_i64(view->contrast_q30) < CONTRAST_MIN_Q30) {
+            return false;
+        }
     }
     uint32_t major_px_q16;
     uint32_t minor_px_q16;
@@ -322,6 +334,7 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
     }
     fitted.ellipse = view->ellipse;
     fitted.size_px_q16 = view->size_px_q16;
+    fitted.contrast_q30 = fx_saturate_i32(view->contrast_q30);
     *mark = fitted;
     return true;
 }

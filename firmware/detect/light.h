@@ -7,7 +7,8 @@
 #include "firmware/detect/rim.h"
 
 struct light {
-    uint32_t *near; /* the circles that are looked at */
+    uint32_t *near;    /* the circles that are looked at */
+    int64_t  *off_q30; /* how far each is off the plane  */
 };
 
 void light_init(struct light *light, struct arena *arena);

@@ -3,14 +3,17 @@
 
 #include "common/fx/fx.h"
 
-/* Noise over contrast that counts: so many times the frame's median, and a little for small circles
- * whose neighbours' edges reach into their band. */
+/* Noise that counts: so many times the frame's median, and over the contrast what the model leaves. Where no
+ * target tells what lies beyond a patch, edges that reach into the band of small circles are left too. */
 #define NOISE_BINS        256u
-#define NOISE_BIN_Q16     64u /* 0.001 */
-#define NOISE_SHARE       2u
-#define NOISE_SLACK_Q16   800u  /* 0.012 */
-#define WORST_SHARE       3u
-#define WORST_SLACK_Q16   1400u /* 0.021 */
+#define NOISE_BIN_Q16     16u /* a grey level is 256 */
+#define NOISE_SHARE_Q8    461 /* 1.8 */
+#define WORST_SHARE_Q8    768 /* 3 */
+#define SLACK_KNOWN_Q16   197 /* 0.003 */
+#define SLACK_UNKNOWN_Q16 786 /* 0.012 */
+/* Circles of so many blurs tell the blur best, and small ones start from theirs. */
+#define LARGE_SIGMAS 6
+#define SMALL_SIGMAS 4
 
 void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16)
@@ -26,10 +29,18 @@ void refine_set_kernel(struct refine *refine, uint32_t kernel_sigma_px_q16)
     refine->fit.kernel_sigma_px_q16 = kernel_sigma_px_q16;
 }
 
+/* A circle's noise over its contrast, as it is in the image: shading changes the contrast, not the noise. */
+static int64_t in_image_q16(uint16_t over_contrast_q16, const struct mark *mark)
+{
+    return (over_contrast_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
+}
+
 /* Whether the pixels are as quiet as the frame's others, all around. */
 static bool is_clean(const struct refine *refine, const struct mark *mark)
 {
-    return mark->noise_q16 <= refine->noise_max_q16 && mark->worst_q16 <= refine->worst_max_q16;
+    const int64_t slack_q16 = (refine->slack_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
+    return in_image_q16(mark->noise_q16, mark) <= refine->noise_max_q16 + slack_q16 &&
+           in_image_q16(mark->worst_q16, mark) <= refine->worst_max_q16 + 2 * slack_q16;
 }
 
 bool refine_predicted(const struct refine *refine, const struct frame_view *frame,
@@ -53,6 +64,36 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
     return true;
 }
 
+/* The mean blur of the circles seen so far: of all, and of large ones. */
+struct blur_sums {
+    int64_t  all_px_q16;
+    int64_t  large_px_q16;
+    uint32_t all;
+    uint32_t large;
+};
+
+static bool is_large(const struct rim_view *view)
+{
+    return view->size_px_q16 > LARGE_SIGMAS * (int64_t)view->blur_px_q16;
+}
+
+static void add_blur(struct blur_sums *sums, const struct rim_view *view)
+{
+    sums->all_px_q16 += view->blur_px_q16;
+    sums->all++;
+    if (is_large(view)) {
+        sums->large_px_q16 += view->blur_px_q16;
+        sums->large++;
+    }
+}
+
+static void take_blurs(const struct blur_sums *sums, struct refine *refine)
+{
+    refine->blur_px_q16 = sums->all > 0 ? (int32_t)(sums->all_px_q16 / sums->all) : 0;
+    refine->edge_blur_px_q16 =
+        sums->large > 0 ? (int32_t)(sums->large_px_q16 / sums->large) : refine->blur_px_q16;
+}
+
 static void place_patch(const struct patches *patches, const struct patch *patch,
                         struct pattern_patch *pattern)
 {
@@ -73,13 +114,24 @@ static void place_patch(const struct patches *patches, const struct patch *patch
     };
 }
 
+/* The blur that the patch's anchor tells where it is large, else the frame's; the anchor's again, or 0, before that
+ * is known. */
+static int32_t patch_blur_px_q16(const struct refine *refine, const struct patch *patch)
+{
+    if (patch->marks[LAYOUT_ANCHOR] == MARKS_NONE) {
+        return refine->edge_blur_px_q16;
+    }
+    const struct rim_view *anchor = &refine->views[LAYOUT_ANCHOR];
+    return is_large(anchor) || refine->edge_blur_px_q16 == 0 ? anchor->blur_px_q16
+                                                            : refine->edge_blur_px_q16;
+}
+
 /* Tells every circle of the patch, from where they were found so far, what is printed around it, and how sharp
  * the anchor says that edges are. */
 static void describe_patch(struct refine *refine, const struct patch *patch,
                            const struct pattern_patch *pattern)
 {
-    const int32_t anchor_blur =
-        patch->marks[LAYOUT_ANCHOR] != MARKS_NONE ? refine->views[LAYOUT_ANCHOR].blur_px_q16 : 0;
+    const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
     uint32_t count = 0;
     for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
         if (patch->marks[i] != MARKS_NONE) {
@@ -96,7 +148,7 @@ static void describe_patch(struct refine *refine, const struct patch *patch,
         if (patch->marks[i] != MARKS_NONE && mapped) {
             pattern_edges_of(pattern, i, &map, &refine->views[i].edges);
             refine->views[i].edge_blur_px_q16 =
-                anchor_blur > 0 ? anchor_blur : refine->views[i].blur_px_q16;
+                blur_px_q16 > 0 ? blur_px_q16 : refine->views[i].blur_px_q16;
         }
     }
 }
@@ -122,15 +174,10 @@ static void refuse(struct refine *refine, struct patch *patch, unsigned feature)
     refine->refused++;
 }
 
-struct blur_sums {
-    int64_t  all_q16;
-    int64_t  anchors_q16;
-    uint32_t anchors;
-};
-
 /* The first step of all circles of a patch, kept in their marks. */
 static void refine_coarsely(struct refine *refine, const struct frame_view *frame,
-                            const struct patches *patches, struct patch *patch, struct marks *marks)
+                            const struct patches *patches, struct patch *patch, struct marks *marks,
+                            struct blur_sums *blurs)
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
@@ -159,6 +206,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
             mark->blur_px_q16 = view->blur_px_q16;
             mark->level_q30 = fx_saturate_i32(view->level_q30);
             mark->contrast_q30 = fx_saturate_i32(view->contrast_q30);
+            add_blur(blurs, view);
             anchor_blur_px_q16 = i == LAYOUT_ANCHOR ? view->blur_px_q16 : anchor_blur_px_q16;
         } else {
             refuse(refine, patch, i);
@@ -169,7 +217,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
 /* The second step, with what all circles around have said of edges and light; gathers noise and blur. */
 static void refine_finely(struct refine *refine, const struct frame_view *frame,
                           const struct patches *patches, struct patch *patch, struct marks *marks,
-                          uint32_t bins[NOISE_BINS], struct blur_sums *sums)
+                          uint32_t bins[NOISE_BINS], struct blur_sums *blurs)
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
@@ -188,6 +236,7 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
         view->fine = true;
     }
     describe_patch(refine, patch, &pattern);
+    const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
     light_find(&refine->light, patch, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         if (patch->marks[i] == MARKS_NONE) {
@@ -196,14 +245,13 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
         struct mark *mark = &marks->at[patch->marks[i]];
         struct rim_view *view = &refine->views[i];
         light_tilt(&patch->light, refine->fit.rim.over_rim_q15, mark->white, view);
+        if (blur_px_q16 > 0 && view->size_px_q16 < SMALL_SIGMAS * (int64_t)blur_px_q16) {
+            view->blur_px_q16 = blur_px_q16;
+        }
         if (circlefit_fine(&refine->fit, frame, view, mark)) {
-            const uint32_t bin = mark->noise_q16 / NOISE_BIN_Q16;
+            const uint32_t bin = (uint32_t)(in_image_q16(mark->noise_q16, mark) / NOISE_BIN_Q16);
             bins[bin < NOISE_BINS ? bin : NOISE_BINS - 1]++;
-            sums->all_q16 += view->blur_px_q16;
-            if (i == LAYOUT_ANCHOR) {
-                sums->anchors_q16 += view->blur_px_q16;
-                sums->anchors++;
-            }
+            add_blur(blurs, view);
             refine->refined++;
         } else {
             refuse(refine, patch, i);
@@ -215,28 +263,31 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
                   struct marks *marks)
 {
     uint32_t bins[NOISE_BINS] = {0};
-    struct blur_sums blurs = {0};
+    struct blur_sums coarse = {0};
+    struct blur_sums fine = {0};
     refine->refined = 0;
     refine->refused = 0;
     refine->blur_px_q16 = 0;
+    refine->edge_blur_px_q16 = 0;
     refine->noise_max_q16 = 0;
     refine->worst_max_q16 = 0;
+    refine->slack_q16 = patches->settings.target != NULL ? SLACK_KNOWN_Q16 : SLACK_UNKNOWN_Q16;
     for (uint32_t i = 0; i < patches->count; i++) {
-        refine_coarsely(refine, frame, patches, &patches->at[i], marks);
+        refine_coarsely(refine, frame, patches, &patches->at[i], marks, &coarse);
     }
+    take_blurs(&coarse, refine);
     for (uint32_t i = 0; i < patches->count; i++) {
-        refine_finely(refine, frame, patches, &patches->at[i], marks, bins, &blurs);
+        refine_finely(refine, frame, patches, &patches->at[i], marks, bins, &fine);
     }
     if (refine->refined == 0) {
+        refine->blur_px_q16 = 0;
         return;
     }
-    refine->blur_px_q16 = (int32_t)(blurs.all_q16 / refine->refined);
-    refine->edge_blur_px_q16 =
-        blurs.anchors > 0 ? (int32_t)(blurs.anchors_q16 / blurs.anchors) : refine->blur_px_q16;
+    take_blurs(&fine, refine);
     /* A circle with a tenth of its rim covered leaves a residual of 0.3 of its contrast. */
-    const uint32_t median_q16 = (median_bin(bins, refine->refined) + 1) * NOISE_BIN_Q16;
-    refine->noise_max_q16 = NOISE_SHARE * median_q16 + NOISE_SLACK_Q16;
-    refine->worst_max_q16 = WORST_SHARE * median_q16 + WORST_SLACK_Q16;
+    const int64_t median_q16 = (median_bin(bins, refine->refined) + 1) * NOISE_BIN_Q16;
+    refine->noise_max_q16 = (NOISE_SHARE_Q8 * median_q16) >> 8;
+    refine->worst_max_q16 = (WORST_SHARE_Q8 * median_q16) >> 8;
     for (uint32_t i = 0; i < patches->count; i++) {
         struct patch *patch = &patches->at[i];
         for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {

@@ -17,8 +17,9 @@ struct refine {
     struct rim_view *views;      /* of its features, by index     */
     int32_t   blur_px_q16;       /* typical of the frame; 0 when nothing was refined */
     int32_t   edge_blur_px_q16;  /* the same of large circles, for straight edges    */
-    uint32_t  noise_max_q16;     /* largest noise over contrast that counts,         */
-    uint32_t  worst_max_q16;     /* and largest of one eighth of the rim             */
+    int64_t   noise_max_q16;     /* largest noise that counts, of 4096 grey_q4,      */
+    int64_t   worst_max_q16;     /* largest of one eighth of the rim,                */
+    int64_t   slack_q16;         /* and what the model leaves, over contrast         */
     uint32_t  refined;           /* counters of the frame */
     uint32_t  refused;
 };
