@@ -14,13 +14,18 @@
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
 #define OCTANT_PIXELS_MIN 4u
 #define GROWTH_MAX_Q36    ((int64_t)1 << 33) /* an eighth */
+/* Smaller circles are placed by their noise; and what is known no better than this may be 0.3 px off. */
+#define SIZE_SIGMAS_Q8    456   /* 1.78 */
+#define SIGMA_MAX_PX_Q20  68157 /* 0.065 */
+#define HELD_SIGMAS       3
+#define HELD_Q30          FX_Q(0.1, 30)
 #define COARSE_STEPS      2u
 #define COARSE_FAR_SHARE  5
 #define FINE_STEPS        3u
 #define FINE_FAR_SHARE    12
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
-#define GAP_SIGMAS_Q8     269 /* 1.05 */
+#define GAP_SIGMAS_Q8     230 /* 0.9 */
 
 /* exp(-t^2 / 2) by the normal density; 0 beyond t = 4. */
 static int64_t exp_q15(int64_t t_q16)
@@ -85,8 +90,24 @@ static bool prepare_view(struct rim_view *view)
     return true;
 }
 
-/* One least-squares solution; factored stays for the covariance. */
-static bool solve_pixels(const struct rim_sums *sum, struct smallsolve *factored,
+/* On a circle of a few blurs, size, contrast and blur can stand for one another. There the blur is held at the
+ * one that large circles tell, as if another rim like this had measured it. `contrast_q30` is on the
+ * solution's scale. */
+static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct smallsolve *normal,
+                      int64_t right_q30[RIM_UNKNOWNS])
+{
+    const int64_t blur_px_q16 = view->edge_blur_px_q16;
+    if (blur_px_q16 == 0 || view->size_px_q16 > HELD_SIGMAS * blur_px_q16) {
+        return;
+    }
+    const int64_t off_q16 = ((blur_px_q16 - view->blur_px_q16) << 16) / view->blur_px_q16;
+    normal->at_q30[RIM_BLUR][RIM_BLUR] += HELD_Q30;
+    right_q30[RIM_BLUR] += fx_mul_q30((contrast_q30 * off_q16) >> 16, HELD_Q30);
+}
+
+/* One least-squares solution; factored stays for the covariance. The contrast so far is on its scale. */
+static bool solve_pixels(const struct rim_view *view, const struct rim_sums *sum,
+                         int64_t contrast_q30, struct smallsolve *factored,
                          int64_t solution_q30[RIM_UNKNOWNS])
 {
     if (sum->count < 3 * RIM_UNKNOWNS) {
@@ -104,6 +125,7 @@ static bool solve_pixels(const struct rim_sums *sum, struct smallsolve *factored
             return false;
         }
     }
+    hold_blur(view, contrast_q30, factored, solution_q30);
     return smallsolve_factor(factored, PIVOT_FLOOR_Q30) && smallsolve_solve(factored, solution_q30);
 }
 
@@ -280,7 +302,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
         struct smallsolve factored = {.size = RIM_UNKNOWNS};
         int64_t solution_q30[RIM_UNKNOWNS];
         rim_gather(&fit->rim, frame, view, &sum);
-        if (!solve_pixels(&sum, &factored, solution_q30)) {
+        if (!solve_pixels(view, &sum, view->contrast_q30, &factored, solution_q30)) {
             return false;
         }
         view->level_q30 = solution_q30[RIM_LEVEL];
@@ -308,12 +330,12 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
         struct smallsolve factored = {.size = RIM_UNKNOWNS};
         int64_t solution_q30[RIM_UNKNOWNS];
         rim_gather(&fit->rim, frame, view, &sum);
-        if (!solve_pixels(&sum, &factored, solution_q30) ||
+        const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
+        if (!solve_pixels(view, &sum, contrast_q30, &factored, solution_q30) ||
             !find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30), &fitted)) {
             return false;
         }
         fitted.worst_q16 = worst_octant_q16(view, &sum);
-        const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
         if (!apply_solution(view, solution_q30, contrast_q30)) {
             return false;
         }
@@ -329,7 +351,9 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
     uint16_t angle;
     ellipse_axes(&view->ellipse, &major_px_q16, &minor_px_q16, &angle);
     if (fx_round_shift_i64((int64_t)minor_px_q16 * view->gap_q16, 16) <
-        ((int64_t)view->blur_px_q16 * GAP_SIGMAS_Q8) >> 8) {
+            ((int64_t)view->blur_px_q16 * GAP_SIGMAS_Q8) >> 8 ||
+        view->size_px_q16 < ((int64_t)view->blur_px_q16 * SIZE_SIGMAS_Q8) >> 8 ||
+        fitted.sigma_px_q20 > SIGMA_MAX_PX_Q20) {
         return false;
     }
     fitted.ellipse = view->ellipse;

@@ -53,7 +53,9 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
     }
     view.edges = *edges;
     light_tilt(light, refine->fit.rim.over_rim_q15, mark->white, &view);
-    view.blur_px_q16 = refine->blur_px_q16;
+    view.blur_px_q16 = view.size_px_q16 < SMALL_SIGMAS * (int64_t)refine->edge_blur_px_q16
+                           ? refine->edge_blur_px_q16
+                           : refine->blur_px_q16;
     view.edge_blur_px_q16 = refine->edge_blur_px_q16;
     struct mark fitted = *mark;
     if (!circlefit_coarse(&refine->fit, frame, &view, mark->white) ||
