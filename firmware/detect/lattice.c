@@ -171,7 +171,7 @@ static bool start_from_ellipse(const struct marks *marks, const struct mark *pre
 }
 
 /* Looks for one feature where the map says; adds a mark for it. */
-static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
+static uint32_t look_for(struct lattice *lattice, struct refine *refine,
                          const struct frame_view *frame, const struct boardmap *map,
                          const struct patches *patches, unsigned row, unsigned col,
                          unsigned feature, struct marks *marks)
@@ -218,7 +218,7 @@ static uint32_t look_for(struct lattice *lattice, const struct refine *refine,
 }
 
 /* One patch of the target: looks for what it lacks. Returns how many features were found. */
-static unsigned extend_patch(struct lattice *lattice, const struct refine *refine,
+static unsigned extend_patch(struct lattice *lattice, struct refine *refine,
                              const struct frame_view *frame, struct patches *patches,
                              struct marks *marks, unsigned row, unsigned col)
 {
@@ -252,6 +252,8 @@ static unsigned extend_patch(struct lattice *lattice, const struct refine *refin
         }
         patches->at[*index].marks[i] = mark;
         patches->at[*index].feature_count++;
+        patches->at[*index].extended = true;
+        patches->at[*index].light = nearby_light(lattice, patches, row, col);
         added++;
     }
     return added;
@@ -277,7 +279,7 @@ static void widen(struct reach *reach, const struct target *target, unsigned row
     reach->right = right > reach->right ? right : reach->right;
 }
 
-void lattice_extend(struct lattice *lattice, const struct refine *refine,
+void lattice_extend(struct lattice *lattice, struct refine *refine,
                     const struct frame_view *frame, struct patches *patches, struct marks *marks)
 {
     const struct target *target = patches->settings.target;
@@ -315,6 +317,11 @@ void lattice_extend(struct lattice *lattice, const struct refine *refine,
         lattice->added += added;
         if (added == 0) {
             break;
+        }
+    }
+    for (uint32_t i = 0; i < patches->count; i++) {
+        if (patches->at[i].extended) {
+            refine_again(refine, frame, patches, &patches->at[i], marks);
         }
     }
     patches_sort(patches);

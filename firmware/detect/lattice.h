@@ -25,7 +25,7 @@ struct lattice {
 void lattice_init(struct lattice *lattice, struct arena *arena);
 
 /* Completes the patches; does nothing where no target is known. The list is sorted by id again. */
-void lattice_extend(struct lattice *lattice, const struct refine *refine,
+void lattice_extend(struct lattice *lattice, struct refine *refine,
                     const struct frame_view *frame, struct patches *patches, struct marks *marks);
 
 #endif

@@ -356,6 +356,7 @@ static bool read_patch(struct trial *trial, struct patches *patches, struct patc
     out->id = id;
     out->feature_count = 0;
     out->light = (struct patch_light){0};
+    out->extended = false;
     const unsigned features = layout_feature_count(levels);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         uint32_t mark = MARKS_NONE;
@@ -437,6 +438,7 @@ uint32_t patches_add_empty(struct patches *patches, uint16_t id)
     patch->id = id;
     patch->feature_count = 0;
     patch->light = (struct patch_light){0};
+    patch->extended = false;
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         patch->marks[i] = MARKS_NONE;
     }

@@ -34,6 +34,7 @@ struct patch_light {
 struct patch {
     uint16_t id;
     uint16_t feature_count;
+    bool     extended;        /* has features that its neighbours told: lattice.h */
     struct patch_light light; /* once refined */
     uint32_t marks[LAYOUT_FEATURES_MAX]; /* by feature index; MARKS_NONE where not found */
 };

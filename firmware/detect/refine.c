@@ -12,6 +12,7 @@
 #define SLACK_KNOWN_Q16   197 /* 0.003 */
 #define SLACK_UNKNOWN_Q16 786 /* 0.012 */
 /* Circles of so many blurs tell the blur best, and small ones start from theirs. */
+#define AGAIN_PX_Q16 3932 /* 0.06 */
 #define LARGE_SIGMAS 6
 #define SMALL_SIGMAS 4
 
@@ -216,10 +217,9 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
     }
 }
 
-/* The second step, with what all circles around have said of edges and light; gathers noise and blur. */
-static void refine_finely(struct refine *refine, const struct frame_view *frame,
-                          const struct patches *patches, struct patch *patch, struct marks *marks,
-                          uint32_t bins[NOISE_BINS], struct blur_sums *blurs)
+/* Views of the patch's circles as they were fitted so far, with the edges that follow from all of them. */
+static void continue_from_marks(struct refine *refine, const struct patches *patches,
+                                struct patch *patch, const struct marks *marks)
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
@@ -231,6 +231,7 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
         struct rim_view *view = &refine->views[i];
         if (!circlefit_start(&refine->fit, mark, view)) {
             refuse(refine, patch, i);
+            continue;
         }
         view->blur_px_q16 = mark->blur_px_q16;
         view->level_q30 = mark->level_q30;
@@ -238,6 +239,14 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
         view->fine = true;
     }
     describe_patch(refine, patch, &pattern);
+}
+
+/* The second step, with what all circles around have said of edges and light; gathers noise and blur. */
+static void refine_finely(struct refine *refine, const struct frame_view *frame,
+                          const struct patches *patches, struct patch *patch, struct marks *marks,
+                          uint32_t bins[NOISE_BINS], struct blur_sums *blurs)
+{
+    continue_from_marks(refine, patches, patch, marks);
     const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
     light_find(&refine->light, patch, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
@@ -297,6 +306,35 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
                 !is_clean(refine, &marks->at[patch->marks[feature]])) {
                 refuse(refine, patch, feature);
             }
+        }
+    }
+}
+
+/* Within two sigmas in x and y, or as far as edges may have been misplaced. */
+static bool is_near(const struct mark *before, const struct mark *now)
+{
+    const int64_t two_px_q16 = before->sigma_px_q20 >> 3;
+    const int64_t reach_px_q16 = two_px_q16 > AGAIN_PX_Q16 ? two_px_q16 : AGAIN_PX_Q16;
+    return fx_abs_i64((int64_t)now->ellipse.x_px_q16 - before->ellipse.x_px_q16) <= reach_px_q16 &&
+           fx_abs_i64((int64_t)now->ellipse.y_px_q16 - before->ellipse.y_px_q16) <= reach_px_q16;
+}
+
+void refine_again(struct refine *refine, const struct frame_view *frame,
+                  const struct patches *patches, struct patch *patch, struct marks *marks)
+{
+    continue_from_marks(refine, patches, patch, marks);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+        struct rim_view *view = &refine->views[i];
+        if (patch->marks[i] == MARKS_NONE ||
+            view->size_px_q16 > SMALL_SIGMAS * (int64_t)refine->edge_blur_px_q16) {
+            continue;
+        }
+        struct mark *mark = &marks->at[patch->marks[i]];
+        struct mark fitted = *mark;
+        light_tilt(&patch->light, refine->fit.rim.over_rim_q15, mark->white, view);
+        if (circlefit_fine(&refine->fit, frame, view, &fitted) && is_clean(refine, &fitted) &&
+            is_near(mark, &fitted)) {
+            *mark = fitted;
         }
     }
 }
