@@ -161,10 +161,12 @@ uint16_t pipeline_truncated(const struct pipeline *pipeline)
 }
 
 /* Tries with half the frame's size, at a quarter of the cost. False where that leaves something to be
- * explained. Only the target's file tells where circles are that half the size does not show. */
+ * explained. Only the target's file tells where circles are that half the size does not show; at three levels
+ * too many would have to be told so. */
 static bool run_halved(struct pipeline *pipeline, const struct frame_view *frame, uint64_t *since)
 {
-    if (pipeline->settings.patches.target == NULL || frame->width_px < HALVED_MIN_PX ||
+    if (pipeline->settings.patches.target == NULL || pipeline->settings.patches.levels > 2 ||
+        frame->width_px < HALVED_MIN_PX ||
         frame->height_px < HALVED_MIN_PX) {
         return false;
     }

@@ -370,7 +370,6 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
     fitted.ellipse = view->ellipse;
     fitted.size_px_q16 = view->size_px_q16;
     fitted.blur_px_q16 = view->blur_px_q16;
-    fitted.level_q30 = fx_saturate_i32(view->level_q30);
     fitted.contrast_q30 = fx_saturate_i32(view->contrast_q30);
     *mark = fitted;
     return true;

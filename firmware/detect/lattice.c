@@ -253,7 +253,6 @@ static unsigned extend_patch(struct lattice *lattice, struct refine *refine,
         patches->at[*index].marks[i] = mark;
         patches->at[*index].feature_count++;
         patches->at[*index].extended = true;
-        patches->at[*index].light = nearby_light(lattice, patches, row, col);
         added++;
     }
     return added;
@@ -319,9 +318,12 @@ void lattice_extend(struct lattice *lattice, struct refine *refine,
             break;
         }
     }
-    for (uint32_t i = 0; i < patches->count; i++) {
-        if (patches->at[i].extended) {
-            refine_again(refine, frame, patches, &patches->at[i], marks);
+    for (unsigned place = 0; place < places; place++) {
+        const uint32_t index = lattice->patch_of[place];
+        if (index != MARKS_NONE && patches->at[index].extended) {
+            const struct patch_light light =
+                nearby_light(lattice, patches, place / target->cols, place % target->cols);
+            refine_again(refine, frame, &light, patches, &patches->at[index], marks);
         }
     }
     patches_sort(patches);

@@ -63,6 +63,7 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
         !circlefit_fine(&refine->fit, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
         return false;
     }
+    fitted.level_q30 = fx_saturate_i32(view.level_q30);
     *mark = fitted;
     return true;
 }
@@ -320,7 +321,8 @@ static bool is_near(const struct mark *before, const struct mark *now)
 }
 
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct patches *patches, struct patch *patch, struct marks *marks)
+                  const struct patch_light *light, const struct patches *patches,
+                  struct patch *patch, struct marks *marks)
 {
     continue_from_marks(refine, patches, patch, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
@@ -331,7 +333,7 @@ void refine_again(struct refine *refine, const struct frame_view *frame,
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct mark fitted = *mark;
-        light_tilt(&patch->light, refine->fit.rim.over_rim_q15, mark->white, view);
+        light_tilt(light, refine->fit.rim.over_rim_q15, mark->white, view);
         if (circlefit_fine(&refine->fit, frame, view, &fitted) && is_clean(refine, &fitted) &&
             is_near(mark, &fitted)) {
             *mark = fitted;

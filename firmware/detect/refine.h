@@ -44,6 +44,7 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
 /* Fits the patch's small circles once more, when it has got circles since: the map through all of them knows
  * better where the edges around each lie. A fit that is no good leaves a circle as it was. */
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct patches *patches, struct patch *patch, struct marks *marks);
+                  const struct patch_light *light, const struct patches *patches,
+                  struct patch *patch, struct marks *marks);
 
 #endif
