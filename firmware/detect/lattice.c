@@ -184,6 +184,7 @@ static uint32_t look_for(struct lattice *lattice, struct refine *refine,
     struct mark predicted = {
         .next = MARKS_NONE,
         .white = layout_circle_is_white(target->levels, id, feature),
+        .large = feature == LAYOUT_ANCHOR,
     };
     if (!predict(map, frame, u_q24, v_q24, (int64_t)patches->slots[feature].radius_q20 << 4,
                  &predicted.ellipse)) {

@@ -39,7 +39,10 @@ static int64_t in_image_q16(uint16_t over_contrast_q16, const struct mark *mark)
 /* Whether the pixels are as quiet as the frame's others, all around. */
 static bool is_clean(const struct refine *refine, const struct mark *mark)
 {
-    const int64_t slack_q16 = (refine->slack_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
+    /* What lies around an anchor is not in the model; it is far off unless the anchor is small. */
+    const bool alone = mark->large && mark->size_px_q16 < LARGE_SIGMAS * (int64_t)mark->blur_px_q16;
+    const int64_t share_q16 = alone ? SLACK_UNKNOWN_Q16 : refine->slack_q16;
+    const int64_t slack_q16 = (share_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
     return in_image_q16(mark->noise_q16, mark) <= refine->noise_max_q16 + slack_q16 &&
            in_image_q16(mark->worst_q16, mark) <= refine->worst_max_q16 + 2 * slack_q16;
 }
