@@ -18,6 +18,8 @@
 #define SIZE_SIGMAS_Q8    456   /* 1.78 */
 #define SIGMA_MAX_PX_Q20  57672 /* 0.055 */
 #define NARROW_SIGMAS_Q16 98304 /* 1.5 */
+/* The band of 2 blurs and the 3.25 from which edges are felt (rim.c). */
+#define ROOMY_SIGMAS_Q8   1344
 #define HELD_SIGMAS       3
 #define HELD_Q30          FX_Q(0.1, 30)
 #define COARSE_STEPS      2u
@@ -91,6 +93,9 @@ static bool prepare_view(struct rim_view *view)
     return true;
 }
 
+/* The centre is eliminated last, so that its covariance can be read off the factors. */
+static const uint8_t place_of[RIM_UNKNOWNS] = {6, 7, 0, 1, 2, 3, 4, 5};
+
 /* On a circle of a few blurs, size, contrast and blur can stand for one another. There the blur is held at the
  * one that large circles tell, as if another rim like this had measured it. `contrast_q30` is on the
  * solution's scale. */
@@ -102,8 +107,8 @@ static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct 
         return;
     }
     const int64_t off_q16 = ((blur_px_q16 - view->blur_px_q16) << 16) / view->blur_px_q16;
-    normal->at_q30[RIM_BLUR][RIM_BLUR] += HELD_Q30;
-    right_q30[RIM_BLUR] += fx_mul_q30((contrast_q30 * off_q16) >> 16, HELD_Q30);
+    normal->at_q30[place_of[RIM_BLUR]][place_of[RIM_BLUR]] += HELD_Q30;
+    right_q30[place_of[RIM_BLUR]] += fx_mul_q30((contrast_q30 * off_q16) >> 16, HELD_Q30);
 }
 
 /* One least-squares solution; factored stays for the covariance. The contrast so far is on its scale. */
@@ -115,19 +120,29 @@ static bool solve_pixels(const struct rim_view *view, const struct rim_sums *sum
         return false;
     }
     factored->size = RIM_UNKNOWNS;
+    int64_t placed_q30[RIM_UNKNOWNS];
     for (unsigned row = 0; row < RIM_UNKNOWNS; row++) {
         for (unsigned col = 0; col <= row; col++) {
-            factored->at_q30[row][col] =
+            const unsigned a = place_of[row];
+            const unsigned b = place_of[col];
+            factored->at_q30[a > b ? a : b][a > b ? b : a] =
                 fx_round_shift_i64(sum->matrix_q40[row][col] / sum->count, 10);
         }
         /* Q20 times Q28. */
-        solution_q30[row] = fx_round_shift_i64(sum->right_q48[row] / sum->count, 18);
-        if (fx_abs_i64(solution_q30[row]) > (int64_t)4 << 30) {
+        const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[row] / sum->count, 18);
+        if (fx_abs_i64(right_q30) > (int64_t)4 << 30) {
             return false;
         }
+        placed_q30[place_of[row]] = right_q30;
     }
-    hold_blur(view, contrast_q30, factored, solution_q30);
-    return smallsolve_factor(factored, PIVOT_FLOOR_Q30) && smallsolve_solve(factored, solution_q30);
+    hold_blur(view, contrast_q30, factored, placed_q30);
+    if (!smallsolve_factor(factored, PIVOT_FLOOR_Q30) || !smallsolve_solve(factored, placed_q30)) {
+        return false;
+    }
+    for (unsigned i = 0; i < RIM_UNKNOWNS; i++) {
+        solution_q30[i] = placed_q30[place_of[i]];
+    }
+    return true;
 }
 
 /* part / whole, |part| <= |whole|. The second pass's numbers are 64 times finer, up to 2^37: low bits are
@@ -169,17 +184,18 @@ static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM
 static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
                        const struct smallsolve *factored, int64_t noise_q52, struct mark *mark)
 {
-    int64_t for_x_q30[RIM_UNKNOWNS] = {(int64_t)1 << 30};
-    int64_t for_y_q30[RIM_UNKNOWNS] = {0, (int64_t)1 << 30};
-    if (!smallsolve_solve(factored, for_x_q30) || !smallsolve_solve(factored, for_y_q30)) {
-        return false;
-    }
+    /* The last block of (L D L')^-1. */
+    const int64_t lean_q30 = factored->at_q30[7][6];
+    const int64_t yy_q30 = factored->over_pivot_q30[7];
+    const int64_t xy_q30 = -fx_mul_wide_q30(lean_q30, yy_q30);
+    const int64_t xx_q30 =
+        factored->over_pivot_q30[6] - fx_mul_wide_q30(lean_q30, xy_q30);
     const int64_t bx = ((int64_t)view->root.xx_px_q16 << 16) / view->size_px_q16;
     const int64_t by = (int64_t)view->root.yx_px_q16 * 65536 / view->size_px_q16;
     const int64_t bz = ((int64_t)view->root.yy_px_q16 << 16) / view->size_px_q16;
     const int64_t trace_q16 = fx_round_shift_i64(
-        ((bx * bx + by * by) >> 16) * (for_x_q30[0] >> 14) +
-            2 * ((by * bz) >> 16) * (for_x_q30[1] >> 14) + ((bz * bz) >> 16) * (for_y_q30[1] >> 14),
+        ((bx * bx + by * by) >> 16) * (xx_q30 >> 14) + 2 * ((by * bz) >> 16) * (xy_q30 >> 14) +
+            ((bz * bz) >> 16) * (yy_q30 >> 14),
         16);
     if (trace_q16 <= 0 || trace_q16 > INT32_MAX) {
         return false;
@@ -373,6 +389,16 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
     fitted.contrast_q30 = fx_saturate_i32(view->contrast_q30);
     *mark = fitted;
     return true;
+}
+
+bool circlefit_is_roomy(const struct rim_view *view, int32_t blur_px_q16)
+{
+    uint32_t major_px_q16;
+    uint32_t minor_px_q16;
+    uint16_t angle;
+    ellipse_axes(&view->ellipse, &major_px_q16, &minor_px_q16, &angle);
+    return fx_round_shift_i64((int64_t)minor_px_q16 * view->gap_q16, 16) >
+           ((int64_t)blur_px_q16 * ROOMY_SIGMAS_Q8) >> 8;
 }
 
 bool circlefit_start(const struct circlefit *fit, const struct mark *mark, struct rim_view *view)

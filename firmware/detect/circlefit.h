@@ -55,4 +55,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
 bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
                     struct rim_view *view, struct mark *mark);
 
+/* Whether the triangle's edges are so far from the circle that the fit cannot feel them. */
+bool circlefit_is_roomy(const struct rim_view *view, int32_t blur_px_q16);
+
 #endif

@@ -133,12 +133,29 @@ static int32_t patch_blur_px_q16(const struct refine *refine, const struct patch
                                                             : refine->edge_blur_px_q16;
 }
 
+/* Whether no circle of the patch feels an edge; the small ones are all alike. */
+static bool is_roomy(const struct refine *refine, const struct patch *patch, unsigned levels,
+                     int32_t blur_px_q16)
+{
+    for (unsigned i = LAYOUT_ANCHOR + 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        if (patch->marks[i] != MARKS_NONE) {
+            const struct rim_view *view = &refine->views[i];
+            return levels == 2 && circlefit_is_roomy(view, blur_px_q16 > 0 ? blur_px_q16
+                                                                          : view->blur_px_q16);
+        }
+    }
+    return false;
+}
+
 /* Tells every circle of the patch, from where they were found so far, what is printed around it, and how sharp
  * the anchor says that edges are. */
 static void describe_patch(struct refine *refine, const struct patch *patch,
                            const struct pattern_patch *pattern)
 {
     const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
+    if (is_roomy(refine, patch, pattern->levels, blur_px_q16)) {
+        return;
+    }
     uint32_t count = 0;
     for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
         if (patch->marks[i] != MARKS_NONE) {

@@ -19,7 +19,7 @@
 /* The first pass, which the second corrects, takes every second row of circles of this size, and of large
  * ones so many that ten or more cross the circle. */
 #define THIN_MIN_PX_Q16 (5 << 16)
-#define THIN_SHARE_PX_Q16 (9 << 14) /* 2.25 */
+#define THIN_SHARE_PX_Q16 (2 << 16)
 #define THIN_STEP_MAX   6
 
 #define EPS_MAX_Q16 62259 /* 0.95 */

@@ -3,7 +3,7 @@
  *
  * All arithmetic is of 32-bit integers, the same operations for every pixel, so that compilers turn the loops
  * into vectors of any width with the same results. Ranges: places in the unit frame |p|, |q| < 3.5;
- * pixels with rho^2 outside of [1/64, 8) are never kept. */
+ * pixels with rho^2 outside of [1/8, 8) are never kept. */
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_H
 

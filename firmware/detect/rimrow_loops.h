@@ -39,17 +39,13 @@ RIMROW_INLINE int32_t rimrow_round(int32_t value, unsigned shift)
     return (value + (1 << (shift - 1))) >> shift;
 }
 
-/* 1 / sqrt(x) for x in [1/64, 8), Q15; relative error 4e-5: the polynomial's and roundings of 2^-15. */
+/* 1 / sqrt(x) for x in [1/8, 8), Q15; relative error 4e-5: the polynomial's and roundings of 2^-15. */
 RIMROW_INLINE int32_t rimrow_inverse_root_q15(int32_t x_q28)
 {
     /* Brought into [1/2, 2) by powers of 4, so that nothing jumps near 1. */
-    const int32_t tiny = rimrow_below(x_q28, 1 << 23);
-    int32_t n = x_q28 + 15 * (x_q28 & tiny);
-    const int32_t small = rimrow_below(n, 1 << 25);
-    n += 3 * (n & small);
-    const int32_t low = rimrow_below(n, 1 << 27);
-    n += 3 * (n & low);
-    const int32_t high = ~rimrow_below(n, 1 << 29);
+    const int32_t low = rimrow_below(x_q28, 1 << 27);
+    const int32_t high = ~rimrow_below(x_q28, 1 << 29);
+    int32_t n = x_q28 + 3 * (x_q28 & low);
     n -= (n - (n >> 2)) & high;
 
     const int32_t n_q15 = n >> 13;
@@ -64,8 +60,6 @@ RIMROW_INLINE int32_t rimrow_inverse_root_q15(int32_t x_q28)
     const uint32_t left_q14 = ((3u << 30) - (uint32_t)n_q15 * square_q15) >> 16;
     root_q15 = (int32_t)((uint32_t)root_q15 * left_q14) >> 15;
 
-    root_q15 += 3 * (root_q15 & tiny);
-    root_q15 += root_q15 & small;
     root_q15 += root_q15 & low;
     return root_q15 - ((root_q15 >> 1) & high);
 }
@@ -148,7 +142,7 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     const int32_t q_q14 = batch->q_q14[i];
     const uint32_t whole_q28 =
         (uint32_t)p_q14 * (uint32_t)p_q14 + (uint32_t)q_q14 * (uint32_t)q_q14;
-    int32_t kept = ~((int32_t)whole_q28 >> 31) & ~rimrow_below((int32_t)(whole_q28 >> 1), 1 << 21);
+    int32_t kept = ~((int32_t)whole_q28 >> 31) & ~rimrow_below((int32_t)(whole_q28 >> 1), 1 << 24);
     const int32_t square_q28 = ((int32_t)whole_q28 & kept) | (1 << 28 & ~kept);
 
     /* Directions: cos and sin of the single and double angle. */
