@@ -14,6 +14,7 @@
 #define BAND_MIN_PX_Q16 45875 /* 0.7 */
 /* Rows and columns are visited so much beyond the band; the band itself is then exact. */
 #define SPAN_MARGIN_PX_Q16 8192
+#define FELT_Q16 (13 << 14) /* 3.25 */
 /* In radii: the band's pixels are then within the range of rimrow.h. */
 #define OUTWARDS_MAX_Q16 111411 /* 1.7 */
 /* The first pass, which the second corrects, takes every second row of circles of this size, and of large
@@ -92,54 +93,57 @@ static int32_t cut(int64_t value, int64_t limit)
     return (int32_t)(value > limit ? limit : value < -limit ? -limit : value);
 }
 
-/* Whether a neighbouring edge shows in the band: beyond so many blurs it adds less than 6e-4 of the swing at one
- * spot. */
-#define FELT_Q11 (13 << 9) /* 3.25 */
+/* An edge over the unit frame, in units of its blur, Q16. */
+struct felt_edge {
+    int64_t t0_q16;
+    int64_t tp_q16;
+    int64_t tq_q16;
+};
 
-static bool is_felt(const struct rimrow_edge *edge, int64_t reach_q11)
-{
-    return edge->t0_q11 - reach_q11 < FELT_Q11;
-}
-
-/* The neighbouring edges in units of their blur over the unit frame. */
-static void describe_edges(const struct rim_view *view, const struct band *band,
-                           struct rimrow_view *row)
+static struct felt_edge describe_edge(const struct rim_view *view, const struct pattern_edge *at)
 {
     const struct ellipse *e = &view->ellipse;
     const struct ellipse_root *b = &view->root;
     const int64_t over_blur_q24 = ((int64_t)1 << 40) / view->edge_blur_px_q16;
-    int64_t by_p_q16[RIMROW_EDGES] = {0};
-    int64_t by_q_q16[RIMROW_EDGES] = {0};
+    const int64_t t0_px_q16 = (at->nx_q15 * ((int64_t)e->x_px_q16 - at->x_px_q16) +
+                               at->ny_q15 * ((int64_t)e->y_px_q16 - at->y_px_q16)) >> 15;
+    const int64_t p_px_q16 =
+        (at->nx_q15 * (int64_t)b->xx_px_q16 + at->ny_q15 * (int64_t)b->yx_px_q16) >> 15;
+    const int64_t q_px_q16 = (at->ny_q15 * (int64_t)b->yy_px_q16) >> 15;
+    return (struct felt_edge){(t0_px_q16 * over_blur_q24) >> 24, (p_px_q16 * over_blur_q24) >> 24,
+                              (q_px_q16 * over_blur_q24) >> 24};
+}
+
+/* Beyond so many blurs from the band an edge adds less than 6e-4 of the swing at one spot. */
+static bool is_felt(const struct felt_edge *edge, const struct band *band)
+{
+    const int64_t steep_q16 = (int64_t)root_u64(
+        (uint64_t)(edge->tp_q16 * edge->tp_q16 + edge->tq_q16 * edge->tq_q16));
+    return edge->t0_q16 - ((steep_q16 * band->outer_q16) >> 16) < FELT_Q16;
+}
+
+/* The neighbouring edges that show in the band. */
+static void describe_edges(const struct rim_view *view, const struct band *band,
+                           struct rimrow_view *row)
+{
+    struct felt_edge felt[RIMROW_EDGES];
     int64_t largest_q16 = 0;
-    bool felt = false;
-    for (unsigned i = 0; i < RIMROW_EDGES; i++) {
-        row->edges[i] = (struct rimrow_edge){.t0_q11 = 32 << 11};
-        if (i >= view->edges.count) {
-            continue;
+    for (unsigned i = 0; i < view->edges.count; i++) {
+        const struct felt_edge edge = describe_edge(view, &view->edges.at[i]);
+        if (is_felt(&edge, band)) {
+            const int64_t both_q16 = fx_abs_i64(edge.tp_q16) + fx_abs_i64(edge.tq_q16);
+            largest_q16 = both_q16 > largest_q16 ? both_q16 : largest_q16;
+            felt[row->edge_count++] = edge;
         }
-        const struct pattern_edge *at = &view->edges.at[i];
-        const int64_t t0_px_q16 = (at->nx_q15 * ((int64_t)e->x_px_q16 - at->x_px_q16) +
-                                   at->ny_q15 * ((int64_t)e->y_px_q16 - at->y_px_q16)) >> 15;
-        const int64_t p_px_q16 =
-            (at->nx_q15 * (int64_t)b->xx_px_q16 + at->ny_q15 * (int64_t)b->yx_px_q16) >> 15;
-        const int64_t q_px_q16 = (at->ny_q15 * (int64_t)b->yy_px_q16) >> 15;
-        row->edges[i].t0_q11 = cut((t0_px_q16 * over_blur_q24) >> 29, 1 << 22);
-        by_p_q16[i] = (p_px_q16 * over_blur_q24) >> 24;
-        by_q_q16[i] = (q_px_q16 * over_blur_q24) >> 24;
-        const int64_t both_q16 = fx_abs_i64(by_p_q16[i]) + fx_abs_i64(by_q_q16[i]);
-        largest_q16 = both_q16 > largest_q16 ? both_q16 : largest_q16;
-        const int64_t steep_q16 = (int64_t)root_u64(
-            (uint64_t)(by_p_q16[i] * by_p_q16[i] + by_q_q16[i] * by_q_q16[i]));
-        felt = felt || is_felt(&row->edges[i], (steep_q16 * band->outer_q16) >> 21);
     }
     const unsigned bits = fx_bits_i64(largest_q16);
     const unsigned drop = bits > 19 ? bits - 14 : 5;
-    for (unsigned i = 0; i < RIMROW_EDGES; i++) {
-        row->edges[i].tp = (int32_t)(by_p_q16[i] >> drop);
-        row->edges[i].tq = (int32_t)(by_q_q16[i] >> drop);
+    for (unsigned i = 0; i < row->edge_count; i++) {
+        row->edges[i] = (struct rimrow_edge){cut(felt[i].t0_q16 >> 5, 1 << 22),
+                                             (int32_t)(felt[i].tp_q16 >> drop),
+                                             (int32_t)(felt[i].tq_q16 >> drop)};
     }
     row->edge_shift = 19 - drop;
-    row->edge_count = felt ? RIMROW_EDGES : 0;
 }
 
 /* Brightness in the units of rimrow.h. One of 4096 grey_q4 is 2^30 here and 2^17 or 2^14 there. */

@@ -53,7 +53,7 @@ struct rimrow_view {
     int32_t  peak_n0_q11;      /* at most 16, like the next */
     int32_t  peak_n1_q11;
     int32_t  peak_shown_q15;   /* 1: the peak goes on beyond the rim; 0: it ends there */
-    uint32_t edge_count;       /* 0, or all RIMROW_EDGES with those that are none far away */
+    uint32_t edge_count;       /* at most RIMROW_EDGES */
     uint32_t edge_shift;       /* at most 14 */
     struct rimrow_edge edges[RIMROW_EDGES];
 };

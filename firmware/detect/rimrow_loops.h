@@ -251,19 +251,33 @@ static void rimrow_ramp(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_
     }
 }
 
+/* The loop for so many edges; the number is known where this is inlined. */
+RIMROW_INLINE void rimrow_rows_of(const struct rimrow_view *view, unsigned edge_count, unsigned count,
+                                  struct rimrow_batch *batch)
+{
+    const unsigned whole = (count + RIMROW_STEP - 1) / RIMROW_STEP * RIMROW_STEP;
+    for (unsigned i = 0; i < whole; i++) {
+        rimrow_pixel(view, edge_count, batch, i);
+    }
+}
+
 /* Computes whole steps of `count` pixels; the caller pads with p = q = 0, which is never kept. */
 static void rimrow_rows(const struct rimrow_view *given, unsigned count, struct rimrow_batch *batch)
 {
     const struct rimrow_view view = *given; /* a copy: stores to the batch do not change it */
-    const unsigned whole = (count + RIMROW_STEP - 1) / RIMROW_STEP * RIMROW_STEP;
-    if (view.edge_count == 0) {
-        for (unsigned i = 0; i < whole; i++) {
-            rimrow_pixel(&view, 0, batch, i);
-        }
-    } else {
-        for (unsigned i = 0; i < whole; i++) {
-            rimrow_pixel(&view, RIMROW_EDGES, batch, i);
-        }
+    switch (view.edge_count) {
+    case 0:
+        rimrow_rows_of(&view, 0, count, batch);
+        break;
+    case 1:
+        rimrow_rows_of(&view, 1, count, batch);
+        break;
+    case 2:
+        rimrow_rows_of(&view, 2, count, batch);
+        break;
+    default:
+        rimrow_rows_of(&view, RIMROW_EDGES, count, batch);
+        break;
     }
 }
 
