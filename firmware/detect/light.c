@@ -145,7 +145,11 @@ static bool fit_slopes(struct light *light, const struct marks *marks, uint32_t 
                 own[kept++] = own[i];
             }
         }
+        const bool agreed = step > 0 && kept == count;
         count = kept;
+        if (agreed) {
+            break;
+        }
         if (!fit_plane(marks, own, count, &plane)) {
             return false;
         }
