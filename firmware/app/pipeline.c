@@ -178,9 +178,11 @@ static bool run_halved(struct pipeline *pipeline, const struct frame_view *frame
         HALVED_SHARE * (cells - survey_left(&pipeline->survey)) < cells) {
         return false;
     }
+    const uint32_t classified = pipeline->marks.count;
     complete(pipeline, &pipeline->half, frame, since);
     survey_explain(&pipeline->survey, &pipeline->patches, &pipeline->marks);
-    return pipeline_truncated(pipeline) == 0 && survey_left(&pipeline->survey) == 0;
+    return pipeline_truncated(pipeline) == 0 && survey_left(&pipeline->survey) == 0 &&
+           !survey_misses_anchor(&pipeline->marks, classified);
 }
 
 void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)

@@ -26,6 +26,7 @@
 #define COARSE_FAR_SHARE  5
 #define FINE_STEPS        3u
 #define FINE_FAR_SHARE    12
+#define UNEVEN_FAR_SHARE  200
 /* A circle nearer than this to its triangle's edges, in blurs, is drawn towards them by more than it can
  * say: 0.3 px at 1.4. */
 #define GAP_SIGMAS_Q8     230 /* 0.9 */
@@ -365,7 +366,11 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
         if (!apply_solution(view, solution_q30, contrast_q30)) {
             return false;
         }
-        far = is_far(solution_q30, contrast_q30, FINE_FAR_SHARE);
+        /* The octants are judged as they were before the step: what a step explains must not count there. */
+        far = is_far(solution_q30, contrast_q30, FINE_FAR_SHARE) ||
+              FINE_FAR_SHARE * fx_abs_i64(solution_q30[RIM_BLUR]) > fx_abs_i64(contrast_q30) ||
+              (fitted.worst_q16 > 2 * fitted.noise_q16 &&
+               is_far(solution_q30, contrast_q30, UNEVEN_FAR_SHARE));
         view->level_q30 += solution_q30[RIM_LEVEL] >> RIM_FINE_BITS;
         view->contrast_q30 += solution_q30[RIM_CONTRAST] >> RIM_FINE_BITS;
         if (fx_abs_i64(view->contrast_q30) < CONTRAST_MIN_Q30) {

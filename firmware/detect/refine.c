@@ -198,6 +198,21 @@ static void refuse(struct refine *refine, struct patch *patch, unsigned feature)
     refine->refused++;
 }
 
+/* The anchor, which comes first, tells the blur best, unless something covers it. */
+static bool fit_coarsely(const struct refine *refine, const struct frame_view *frame,
+                         int32_t anchor_blur_px_q16, bool white, struct rim_view *view)
+{
+    const struct rim_view start = *view;
+    if (anchor_blur_px_q16 > 0) {
+        view->blur_px_q16 = anchor_blur_px_q16;
+        if (circlefit_coarse(&refine->fit, frame, view, white)) {
+            return true;
+        }
+        *view = start;
+    }
+    return circlefit_coarse(&refine->fit, frame, view, white);
+}
+
 /* The first step of all circles of a patch, kept in their marks. */
 static void refine_coarsely(struct refine *refine, const struct frame_view *frame,
                             const struct patches *patches, struct patch *patch, struct marks *marks,
@@ -220,11 +235,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct rim_view *view = &refine->views[i];
-        /* The anchor, which comes first, tells the blur best. */
-        if (anchor_blur_px_q16 > 0) {
-            view->blur_px_q16 = anchor_blur_px_q16;
-        }
-        if (circlefit_coarse(&refine->fit, frame, &refine->views[i], mark->white)) {
+        if (fit_coarsely(refine, frame, anchor_blur_px_q16, mark->white, view)) {
             mark->ellipse = view->ellipse;
             mark->size_px_q16 = view->size_px_q16;
             mark->blur_px_q16 = view->blur_px_q16;

@@ -1,6 +1,8 @@
 /* See survey.h. */
 #include "firmware/detect/survey.h"
 
+#include "common/fx/fx.h"
+
 /* A triangle's edge through a cell gives up to 32; a patch as small as can be named has a hundred. */
 #define EDGES_MIN 16u
 
@@ -70,4 +72,30 @@ uint32_t survey_left(const struct survey *survey)
         left += survey->edges[i] >= EDGES_MIN ? 1 : 0;
     }
     return left;
+}
+
+/* Marks get their contrast when they are named and fitted; the lattice adds its own behind the others. */
+static bool is_named(const struct marks *marks, const struct mark *anchor)
+{
+    const int64_t near_px_q16 = anchor->size_px_q16 / 2;
+    for (uint32_t i = 0; i < marks->count; i++) {
+        const struct mark *mark = &marks->at[i];
+        if (mark->contrast_q30 != 0 &&
+            fx_abs_i64((int64_t)mark->ellipse.x_px_q16 - anchor->ellipse.x_px_q16) < near_px_q16 &&
+            fx_abs_i64((int64_t)mark->ellipse.y_px_q16 - anchor->ellipse.y_px_q16) < near_px_q16) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool survey_misses_anchor(const struct marks *marks, uint32_t classified)
+{
+    for (uint32_t i = 0; i < classified; i++) {
+        if (marks->at[i].large && marks->at[i].contrast_q30 == 0 &&
+            !is_named(marks, &marks->at[i])) {
+            return true;
+        }
+    }
+    return false;
 }

@@ -12,6 +12,8 @@
 #define SIDE_MAX     900u
 #define CIRCLES_MAX  16u
 #define PER_PATCH    (BOARDMAP_PAIRS_MIN - 1)
+/* The circles are all of a size: none is an anchor. */
+#define FIRST        (LAYOUT_ANCHOR + 1)
 
 /* A circle of the default target as the image has it, in a wide flat surround. */
 struct disc {
@@ -43,7 +45,7 @@ static void take_all(struct arena *arena)
     const struct patches_settings settings = {.levels = 2, .circle_ratio_q16 = 32768,
                                               .edge_level_q16 = 52429, .gauss_sigma_q16 = 26214};
     patches_init(&patches, arena, &settings, SIDE_MAX, SIDE_MAX);
-    refine_init(&refine, arena, &dsp_scalar, &settings, (uint32_t)(KERNEL_SIGMA * 65536), SIDE_MAX);
+    refine_init(&refine, arena, &dsp_scalar, &settings, (uint32_t)(KERNEL_SIGMA * 65536));
 }
 
 void setUp(void)
@@ -155,14 +157,14 @@ static void name_marks(double contrast, double blur)
             (void)patches_add_empty(&patches, (uint16_t)(100 + i));
         }
         struct patch *patch = &patches.at[patches.count - 1];
-        patch->marks[i % PER_PATCH] = i;
+        patch->marks[FIRST + i % PER_PATCH] = i;
         patch->feature_count++;
     }
 }
 
 static bool is_kept(unsigned i)
 {
-    return patches.at[i / PER_PATCH].marks[i % PER_PATCH] != MARKS_NONE;
+    return patches.at[i / PER_PATCH].marks[FIRST + i % PER_PATCH] != MARKS_NONE;
 }
 
 static double error_of(unsigned i, double *sigma)
@@ -198,10 +200,12 @@ static bool is_clear(double radius, double blur)
 
 /* 12-bit steps are 1/55 grey level of noise, so what is left is the model's: blur over the curved edge
  * moves both sides of an ellipse alike but not quite, by a share of s^2 / 2r. For the smallest clear of
- * their blur, r = 3 at s = 1.5, that is 0.38 px, of which one in 25 may not cancel. */
+ * their blur, r = 3 at s = 1.5, that is 0.38 px, of which one in 25 may not cancel. With no larger circle to tell
+ * the blur, one of these may not settle in the steps that there are, and be refused. */
 static void centres_without_noise_are_those_drawn(void)
 {
     seed = 1;
+    uint32_t unsettled = 0;
     for (unsigned r = 0; r < 5; r++) {
         for (unsigned b = 0; b < 4; b++) {
             if (!is_clear(radii[r], blurs[b])) {
@@ -212,19 +216,30 @@ static void centres_without_noise_are_those_drawn(void)
             run(150, blurs[b], 0);
             for (unsigned i = 0; i < disc_count; i++) {
                 double sigma;
-                TEST_ASSERT_TRUE(is_kept(i));
+                if (!is_kept(i)) {
+                    TEST_ASSERT_TRUE(radii[r] == 3);
+                    unsettled++;
+                    continue;
+                }
                 const double error = error_of(i, &sigma);
                 TEST_ASSERT_TRUE(error < 0.015);
-                /* Where it is steepest, a blurred curved edge lies s^2 / 2r inside the drawn one. */
+                /* Size and blur of the smallest stand for one another: 2 % there. */
                 const double size = sqrt(discs[i].major * discs[i].minor);
-                SYNTH_NEAR(0.01 + blurs[b] * blurs[b] / (2 * size * size), 1,
+                SYNTH_NEAR(radii[r] == 3 ? 0.02 : 0.01, 1,
                            mark_list[i].size_px_q16 / 65536.0 / size);
             }
-            TEST_ASSERT_EQUAL_UINT32(disc_count, refine.refined);
-            TEST_ASSERT_EQUAL_UINT32(0, refine.refused);
             synth_image_free(&picture);
         }
     }
+    TEST_ASSERT_TRUE(unsettled <= 2); /* of 27 */
+}
+
+/* What is known to no better than 0.055 px is refused (circlefit.c): where the Cramer-Rao limit, for an edge of 0.81
+ * of black to white, comes to half of that, chance decides. */
+static bool can_be_known(double radius, double blur, double noise, double contrast)
+{
+    const double s = hypot(blur, 0.29);
+    return noise / (0.81 * contrast) * sqrt(2 * s / (sqrt(SYNTH_PI) * radius)) < 0.0275;
 }
 
 /* Whitened errors have an RMS of 1 if sigma is honest. The sample is some 1100 values: 2 %; the solution's
@@ -251,7 +266,7 @@ static void sigma_is_honest_over_sizes_blurs_noises_and_contrasts(void)
                 for (unsigned i = 0; i < disc_count; i++) {
                     double sigma;
                     if (!is_kept(i)) {
-                        lost++;
+                        lost += can_be_known(radii[r], blurs[b], noises[n], contrast) ? 1 : 0;
                         continue;
                     }
                     const double error = error_of(i, &sigma);
@@ -299,6 +314,8 @@ static void covered_circles_are_refused_or_little_off(void)
     unsigned kept = 0;
     unsigned off = 0;
     unsigned covered = 0;
+    unsigned untouched = 0;
+    unsigned unsettled = 0; /* as above */
     double worst = 0;
     for (unsigned r = 0; r < 4; r++) {
         for (unsigned share = 1; share <= 6; share++) {
@@ -314,7 +331,9 @@ static void covered_circles_are_refused_or_little_off(void)
                     double sigma;
                     const double error = error_of(i, &sigma);
                     if (i % 4 != 0) {
-                        TEST_ASSERT_TRUE(is_kept(i));
+                        untouched++;
+                        unsettled += is_kept(i) ? 0 : 1;
+                        TEST_ASSERT_TRUE(is_kept(i) || radii[r] == 3);
                     } else if (is_kept(i)) {
                         kept++;
                         worst = fmax(worst, error);
@@ -328,6 +347,7 @@ static void covered_circles_are_refused_or_little_off(void)
     }
     TEST_ASSERT_TRUE(kept * 10 < covered);
     TEST_ASSERT_TRUE(off * 20 < covered);
+    TEST_ASSERT_TRUE(unsettled * 100 < untouched);
     TEST_ASSERT_TRUE(worst < 1);
 }
 
