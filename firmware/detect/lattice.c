@@ -7,6 +7,10 @@
 #define PAIRS_MAX      256u
 #define ROUNDS_MAX     8u
 #define REACH_CELLS    2
+/* Circles of fewer blurs are held against the map through all around. It errs by some hundredths of a pixel, they by
+ * three sigmas of at most 0.055. */
+#define STRAYS_SIGMAS_Q8 640   /* 2.5 */
+#define STRAYS_PX_Q16    10486 /* 0.16 */
 #define ROOT_LIMIT_Q16 ((int64_t)600 << 16)
 
 void lattice_init(struct lattice *lattice, struct arena *arena)
@@ -259,6 +263,46 @@ static unsigned extend_patch(struct lattice *lattice, struct refine *refine,
     return added;
 }
 
+/* Takes the smallest circles out that lie off the map through all around: under noise a few settle in a wrong
+ * place. */
+static void drop_strays(struct lattice *lattice, const struct refine *refine,
+                        struct patches *patches, const struct marks *marks, unsigned row,
+                        unsigned col)
+{
+    const struct target *target = patches->settings.target;
+    struct patch *patch = &patches->at[lattice->patch_of[row * target->cols + col]];
+    const int64_t small_px_q16 = (STRAYS_SIGMAS_Q8 * (int64_t)refine->edge_blur_px_q16) >> 8;
+    struct boardmap map;
+    bool mapped = false;
+    for (unsigned i = 0; i < layout_feature_count(target->levels); i++) {
+        if (patch->marks[i] == MARKS_NONE) {
+            continue;
+        }
+        const struct mark *mark = &marks->at[patch->marks[i]];
+        if (mark->size_px_q16 >= small_px_q16) {
+            continue;
+        }
+        if (!mapped) {
+            const uint32_t pairs =
+                gather_pairs(lattice, patches, marks, row, col, lattice->pairs);
+            if (!boardmap_fit(lattice->pairs, pairs, &map)) {
+                return;
+            }
+            mapped = true;
+        }
+        int64_t u_q24;
+        int64_t v_q24;
+        struct boardmap_place place;
+        board_place(target, row, col, i, &u_q24, &v_q24);
+        boardmap_apply(&map, u_q24, v_q24, &place);
+        if (fx_abs_i64(place.x_q16 - mark->ellipse.x_px_q16) > STRAYS_PX_Q16 ||
+            fx_abs_i64(place.y_q16 - mark->ellipse.y_px_q16) > STRAYS_PX_Q16) {
+            patch->marks[i] = MARKS_NONE;
+            patch->feature_count--;
+        }
+    }
+}
+
 /* The part of the target that patches found so far can say something of: ends are one beyond. */
 struct reach {
     unsigned top;
@@ -325,6 +369,12 @@ void lattice_extend(struct lattice *lattice, struct refine *refine,
             const struct patch_light light =
                 nearby_light(lattice, patches, place / target->cols, place % target->cols);
             refine_again(refine, frame, &light, patches, &patches->at[index], marks);
+        }
+    }
+    for (unsigned place = 0; place < places; place++) {
+        if (lattice->patch_of[place] != MARKS_NONE) {
+            drop_strays(lattice, refine, patches, marks, place / target->cols,
+                        place % target->cols);
         }
     }
     patches_sort(patches);
