@@ -7,9 +7,9 @@
  * target tells what lies beyond a patch, edges that reach into the band of small circles are left too. */
 #define NOISE_BINS        256u
 #define NOISE_BIN_Q16     16u /* a grey level is 256 */
-#define NOISE_SHARE_Q8    461 /* 1.8 */
+#define NOISE_SHARE_Q8    512 /* 2 */
 #define WORST_SHARE_Q8    768 /* 3 */
-#define SLACK_KNOWN_Q16   197 /* 0.003 */
+#define SLACK_KNOWN_Q16   262 /* 0.004 */
 #define SLACK_UNKNOWN_Q16 786 /* 0.012 */
 /* Circles of so many blurs tell the blur best, and small ones start from theirs. */
 #define AGAIN_PX_Q16 3932 /* 0.06 */
