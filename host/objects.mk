@@ -16,19 +16,24 @@ host_SRC := \
   host/model/camera.cc \
   host/model/camera_unproject.cc \
   host/assoc/instants.cc \
+  host/obs/digest.cc \
+  host/obs/observations_file.cc \
   host/obs/observe.cc \
   host/obs/scene.cc \
   host/obs/target_board.cc \
   host/solve/bundle.cc \
   host/solve/circle_centre.cc \
   host/solve/facing.cc \
+  host/solve/hand_eye.cc \
   host/solve/intrinsics.cc \
   host/solve/pose_graph.cc \
   host/solve/robust.cc \
-  host/solve/residuals.cc \
+  host/solve/pose_chain.cc \
   host/solve/rig.cc \
   host/solve/seed_opencv.cc \
   host/solve/uncertainty.cc \
+  host/solve/view_cost.cc \
+  host/solve/view_kernel.cc \
   host/solve/views.cc \
   host/report/export.cc \
   host/report/export_opencv.cc \

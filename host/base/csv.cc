@@ -36,12 +36,27 @@ void split(std::string_view text, std::vector<std::string_view>* cells)
 
 }  // namespace
 
-CsvReader::CsvReader(std::istream& in, std::string source) : in_(in), source_(std::move(source)) {}
+CsvReader::CsvReader(std::istream& in, std::string source) : in_(&in), source_(std::move(source)) {}
+
+CsvReader::CsvReader(std::string_view text, std::string source)
+    : rest_(text), source_(std::move(source))
+{
+}
 
 bool CsvReader::read_line()
 {
-    if (!std::getline(in_, text_)) {
-        return false;
+    if (in_ != nullptr) {
+        if (!std::getline(*in_, line_text_)) {
+            return false;
+        }
+        text_ = line_text_;
+    } else {
+        if (rest_.empty()) {
+            return false;
+        }
+        const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+        text_ = rest_.substr(0, end);
+        rest_.remove_prefix(std::min(end + 1, rest_.size()));
     }
     ++line_;
     return true;
@@ -90,7 +105,7 @@ bool CsvReader::next()
         status_ = complain("has " + std::to_string(cells_.size()) + " fields, the header has "
                            + std::to_string(width_));
     }
-    if (status_.ok() && in_.bad()) {
+    if (status_.ok() && in_ != nullptr && in_->bad()) {
         status_ = Status::failure("cannot read " + source_);
     }
     return false;

@@ -14,8 +14,9 @@ namespace rig {
 
 class CsvReader {
 public:
-    // Borrows both; `source` is what sentences call the file.
+    // Borrows its input; `source` is what sentences call the file.
     CsvReader(std::istream& in, std::string source);
+    CsvReader(std::string_view text, std::string source);
 
     // Reads the header line. Fails when a required column is missing or one stands twice. Columns
     // that are in neither list are left alone.
@@ -40,9 +41,11 @@ public:
 private:
     bool read_line();
 
-    std::istream& in_;
+    std::istream* in_ = nullptr;  // or else:
+    std::string_view rest_;
     std::string source_;
-    std::string text_;
+    std::string line_text_;
+    std::string_view text_;  // the present line
     std::vector<std::string_view> cells_;
     std::vector<std::string> names_;
     std::vector<std::size_t> places_;

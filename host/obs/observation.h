@@ -30,16 +30,18 @@ struct Board {
     std::vector<BoardPoint> points;
     std::unordered_map<std::int64_t, std::size_t> index_of_id;
     bool is_static = false;     // one pose for all frames
+    int group = 0;              // boards of one group are fixed to each other: index of the first of them
     bool faces_minus_z = false;  // can only be seen from its -z side (every Tessera target)
 };
 
+// 48 bytes: there are millions of them.
 struct Observation {
     int camera = 0;           // index into Scene::cameras
     int board = 0;            // index into Scene::boards
     std::int64_t frame = 0;   // equal frames are simultaneous
-    std::size_t point = 0;    // index into Board::points
     Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // (0, 0): centre of the top-left pixel
-    double sigma_px = 0.0;    // standard deviation per axis; 0: unknown
+    std::uint32_t point = 0;  // index into Board::points
+    float sigma_px = 0.0f;    // standard deviation per axis; 0: unknown
 };
 
 struct InputFile {

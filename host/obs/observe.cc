@@ -10,6 +10,8 @@
 #include "common/wire/wire.h"
 #include "host/assoc/instants.h"
 #include "host/journal/journal.h"
+#include "host/obs/digest.h"
+#include "host/obs/observations_file.h"
 #include "host/obs/scene.h"
 
 namespace rig {
@@ -85,6 +87,7 @@ Status read_targets(const std::vector<std::string>& targets, Scene* scene,
             return input.status();
         }
         scene->inputs.push_back(input.value());
+        board.value().group = static_cast<int>(scene->boards.size());
         scene->boards.push_back(std::move(board.value()));
     }
     return Status();
@@ -191,8 +194,9 @@ Result<Scene> observe(const std::vector<std::string>& journals,
             }
             const Board& board = scene.boards[found->second];
             scene.observations.push_back({captures[i].camera, static_cast<int>(found->second),
-                                          instants[i], board.index_of_id.at(seen.point), seen.pixel,
-                                          seen.sigma_px});
+                                          instants[i], seen.pixel,
+                                          static_cast<std::uint32_t>(board.index_of_id.at(seen.point)),
+                                          static_cast<float>(seen.sigma_px)});
         }
     }
     sort_observations(&scene.observations);

@@ -2,16 +2,14 @@
 #include "host/obs/scene.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <tuple>
 
 #include "host/base/csv.h"
+#include "host/obs/digest.h"
+#include "host/obs/observations_file.h"
 
 namespace rig {
 namespace {
@@ -60,10 +58,6 @@ Status check_head(const json& root, const std::string& path)
     const std::string odd = unknown_key(root, {"format", "version", "cameras", "boards", "rigid"});
     if (!odd.empty()) {
         return Status::failure(path + ": unknown key '" + odd + "'");
-    }
-    if (root.contains("rigid") && !(root["rigid"].is_array() && root["rigid"].empty())) {
-        return Status::failure(path + ": key 'rigid' is not supported yet; give boards that are fixed "
-                                      "to each other as one board with a common points file");
     }
     for (const char* key : {"cameras", "boards"}) {
         if (!root.contains(key) || !root[key].is_array() || root[key].empty()) {
@@ -189,6 +183,7 @@ Result<std::vector<Board>> read_boards(const json& list, const std::string& path
         }
         board.name = entry["name"];
         board.is_static = entry.value("static", false);
+        board.group = static_cast<int>(boards.size());
         boards.push_back(std::move(board));
         Result<InputFile> digest = digest_file(file);
         if (!digest.ok()) {
@@ -199,157 +194,44 @@ Result<std::vector<Board>> read_boards(const json& list, const std::string& path
     return boards;
 }
 
-// The index that a cell means: a name, or else a number below the count; -1 when it is neither.
-int find_named(std::string_view cell, const std::unordered_map<std::string, int>& index_of_name)
+// Boards that `rigid` fixes to each other get one group; what one of them is fixed to, all are: where
+// one of a group is static, all stand still.
+Status read_rigid(const json& root, const std::string& path, std::vector<Board>* boards)
 {
-    const auto found = index_of_name.find(std::string(cell));
-    if (found != index_of_name.end()) {
-        return found->second;
+    const json lists = root.value("rigid", json::array());
+    const std::string where = path + ": key 'rigid' ";
+    const auto shaped = [](const json& list) {
+        return list.is_array() && list.size() >= 2
+               && std::all_of(list.begin(), list.end(), [](const json& name) { return name.is_string(); });
+    };
+    if (!lists.is_array() || !std::all_of(lists.begin(), lists.end(), shaped)) {
+        return Status::failure(where + "must be a list of lists of two or more board names");
     }
-    int index = -1;
-    const auto [end, fault] = std::from_chars(cell.data(), cell.data() + cell.size(), index);
-    const bool whole = fault == std::errc() && end == cell.data() + cell.size();
-    return whole && index >= 0 && index < static_cast<int>(index_of_name.size()) ? index : -1;
-}
-
-template <typename Named>
-std::unordered_map<std::string, int> index_by_name(const std::vector<Named>& list)
-{
-    std::unordered_map<std::string, int> index_of_name;
-    for (const Named& entry : list) {
-        index_of_name.emplace(entry.name, static_cast<int>(index_of_name.size()));
-    }
-    return index_of_name;
-}
-
-struct Row {
-    Observation observation;
-    std::int64_t line;
-};
-
-auto order_key(const Observation& o)
-{
-    return std::make_tuple(o.camera, o.frame, o.board, o.point);
-}
-
-Status read_row(CsvReader* csv, const Scene& scene,
-                const std::unordered_map<std::string, int>& cameras,
-                const std::unordered_map<std::string, int>& boards, Observation* out)
-{
-    out->camera = find_named(csv->cell(0), cameras);
-    if (out->camera < 0) {
-        return csv->complain("camera '" + std::string(csv->cell(0)) + "' is not in scene.json");
-    }
-    out->board = find_named(csv->cell(2), boards);
-    if (out->board < 0) {
-        return csv->complain("board '" + std::string(csv->cell(2)) + "' is not in scene.json");
-    }
-    std::int64_t point = 0;
-    if (!csv->integer(1, &out->frame) || !csv->integer(3, &point)
-        || !csv->number(4, &out->pixel.x()) || !csv->number(5, &out->pixel.y())) {
-        return csv->status();
-    }
-    const Board& board = scene.boards[static_cast<std::size_t>(out->board)];
-    const auto found = board.index_of_id.find(point);
-    if (found == board.index_of_id.end()) {
-        return csv->complain("board '" + board.name + "' has no point " + std::to_string(point));
-    }
-    out->point = found->second;
-    if (!csv->cell(6).empty()) {
-        if (!csv->number(6, &out->sigma_px)) {
-            return csv->status();
+    for (const json& list : lists) {
+        std::set<int> groups;
+        for (const json& name : list) {
+            const auto found = std::find_if(boards->begin(), boards->end(), [&](const Board& board) {
+                return board.name == name.get<std::string>();
+            });
+            if (found == boards->end()) {
+                return Status::failure(where + "names board '" + name.get<std::string>()
+                                       + "', which is not in 'boards'");
+            }
+            groups.insert(found->group);
         }
-        if (!(out->sigma_px > 0.0)) {
-            return csv->complain("sigma must be above 0");
+        for (Board& board : *boards) {
+            board.group = groups.count(board.group) != 0 ? *groups.begin() : board.group;
         }
     }
-    return Status();
-}
-
-Status read_observations(const std::string& path, Scene* scene)
-{
-    std::ifstream file(path);
-    if (!file) {
-        return Status::failure("cannot open " + path);
-    }
-    CsvReader csv(file, path);
-    const Status header = csv.header({"camera", "frame", "board", "point", "x", "y"}, {"sigma"});
-    if (!header.ok()) {
-        return header;
-    }
-    const auto cameras = index_by_name(scene->cameras);
-    const auto boards = index_by_name(scene->boards);
-    std::vector<Row> rows;
-    while (csv.next()) {
-        Row row{{}, csv.line()};
-        const Status read = read_row(&csv, *scene, cameras, boards, &row.observation);
-        if (!read.ok()) {
-            return read;
+    for (const Board& fixed : *boards) {
+        for (Board& board : *boards) {
+            board.is_static = board.is_static || (fixed.is_static && board.group == fixed.group);
         }
-        rows.push_back(row);
-    }
-    if (!csv.status().ok()) {
-        return csv.status();
-    }
-    if (rows.empty()) {
-        return Status::failure(path + " holds no observations");
-    }
-    std::stable_sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
-        return order_key(a.observation) < order_key(b.observation);
-    });
-    for (std::size_t i = 1; i < rows.size(); ++i) {
-        const Observation& o = rows[i].observation;
-        if (order_key(rows[i - 1].observation) == order_key(o)) {
-            const Board& board = scene->boards[static_cast<std::size_t>(o.board)];
-            return Status::failure(
-                path + " line " + std::to_string(rows[i].line) + ": observes point "
-                + std::to_string(board.points[o.point].id) + " of board '" + board.name
-                + "' with camera '" + scene->cameras[static_cast<std::size_t>(o.camera)].name
-                + "' in frame " + std::to_string(o.frame) + " a second time, after line "
-                + std::to_string(rows[i - 1].line));
-        }
-    }
-    scene->observations.reserve(rows.size());
-    for (const Row& row : rows) {
-        scene->observations.push_back(row.observation);
     }
     return Status();
 }
 
 }  // namespace
-
-void sort_observations(std::vector<Observation>* observations)
-{
-    std::stable_sort(observations->begin(), observations->end(),
-                     [](const Observation& a, const Observation& b) {
-                         return order_key(a) < order_key(b);
-                     });
-}
-
-Result<InputFile> digest_file(const std::string& path)
-{
-    std::ifstream file(path, std::ios::binary);
-    if (!file) {
-        return Status::failure("cannot open " + path);
-    }
-    std::uint64_t hash = 0xcbf29ce484222325u;
-    std::vector<char> buffer(1 << 16);
-    while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || file.gcount() > 0) {
-        for (std::streamsize i = 0; i < file.gcount(); ++i) {
-            hash ^= static_cast<unsigned char>(buffer[static_cast<std::size_t>(i)]);
-            hash *= 0x100000001b3u;
-        }
-    }
-    if (file.bad()) {
-        return Status::failure("cannot read " + path);
-    }
-    static const char digits[] = "0123456789abcdef";
-    std::string text(16, '0');
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        text[i] = digits[(hash >> (60 - 4 * i)) & 15u];
-    }
-    return InputFile{path, text};
-}
 
 Result<Scene> read_scene(const std::string& folder)
 {
@@ -364,13 +246,11 @@ Result<Scene> read_scene(const std::string& folder)
         return head;
     }
     Scene scene;
-    for (const std::string& file : {path, table}) {
-        Result<InputFile> digest = digest_file(file);
-        if (!digest.ok()) {
-            return digest.status();
-        }
-        scene.inputs.push_back(digest.value());
+    Result<InputFile> digest = digest_file(path);
+    if (!digest.ok()) {
+        return digest.status();
     }
+    scene.inputs.push_back(digest.value());
     Result<std::vector<SceneCamera>> cameras = read_cameras(root.value()["cameras"], path);
     if (!cameras.ok()) {
         return cameras.status();
@@ -381,6 +261,10 @@ Result<Scene> read_scene(const std::string& folder)
         return boards.status();
     }
     scene.boards = std::move(boards.value());
+    const Status joined = read_rigid(root.value(), path, &scene.boards);
+    if (!joined.ok()) {
+        return joined;
+    }
     const Status read = read_observations(table, &scene);
     if (!read.ok()) {
         return read;

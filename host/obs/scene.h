@@ -16,10 +16,4 @@ Result<Scene> read_scene(const std::string& folder);
 // digest (may be null) gets what names the pattern in packets.
 Result<Board> read_target_board(const std::string& path, std::uint64_t* digest);
 
-// Sorts by camera, frame, board and point: the one order in which everything later is summed.
-void sort_observations(std::vector<Observation>* observations);
-
-// FNV-1a over a file's bytes.
-Result<InputFile> digest_file(const std::string& path);
-
 }  // namespace rig

@@ -1,6 +1,8 @@
 // See export.h.
 #include "host/report/export.h"
 
+#include <tuple>
+
 #include "common/version.h"
 
 namespace rig {
@@ -50,6 +52,9 @@ ordered_json camera_json(const SceneCamera& known, const Solution& solution, std
     }
     out["distortion"] = std::vector<double>(numbers.begin() + kPinholeCount, numbers.end());
     out["cam_from_rig"] = pose_json(pose_exp(solution.state.cam_from_rig[camera]));
+    if (solution.gauge_cameras.size() > 1) {
+        out["part"] = solution.part_of_camera[camera];
+    }
     add_lengths(statistics.lengths, &out);
     out["views"] = statistics.views;
     out["points_per_frame"] = statistics.points_per_view;
@@ -75,15 +80,20 @@ ordered_json camera_json(const SceneCamera& known, const Solution& solution, std
 // Every frame a board was seen in; a static board has the same pose in all of them.
 ordered_json frames_json(const Scene& scene, const Solution& solution)
 {
-    std::map<std::pair<std::int64_t, int>, std::size_t> pose_of;
+    std::map<std::tuple<std::int64_t, int, int>, const View*> view_of;
     for (const View& view : solution.set.views) {
-        pose_of.emplace(std::pair(view.frame, view.board), view.pose);
+        view_of.emplace(std::tuple(view.frame, view.board, solution.set.poses[view.pose].part), &view);
     }
+    const bool has_parts = solution.gauge_cameras.size() > 1;
     ordered_json frames = ordered_json::array();
-    for (const auto& [key, pose] : pose_of) {
-        frames.push_back({{"frame", key.first},
-                          {"board", scene.boards[static_cast<std::size_t>(key.second)].name},
-                          {"rig_from_board", pose_json(pose_exp(solution.state.rig_from_board[pose]))}});
+    for (const auto& [key, view] : view_of) {
+        const auto& [frame, board, part] = key;
+        frames.push_back({{"frame", frame},
+                          {"board", scene.boards[static_cast<std::size_t>(board)].name},
+                          {"rig_from_board", pose_json(rig_from_board(solution.state, *view))}});
+        if (has_parts) {
+            frames.back()["part"] = part;
+        }
     }
     return frames;
 }

@@ -1,9 +1,11 @@
 // tessera-rig solve: from observations to a calibrated rig.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <thread>
 
 #include "host/base/whole_file.h"
 #include "host/obs/observe.h"
@@ -24,6 +26,7 @@ struct SolveArguments {
     std::string model = "brown";
     double tolerance_us = -1.0;
     bool partial = false;
+    int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 };
 
 void say(const std::string& line)
@@ -113,6 +116,7 @@ Status solve(const SolveArguments& arguments)
     SolveOptions options;
     options.model = *camera_model_from_name(arguments.model);
     options.partial = arguments.partial;
+    options.threads = arguments.threads;
     Result<Solution> solution = solve_rig(scene.value(), options, say);
     if (!solution.ok()) {
         return solution.status();
@@ -138,7 +142,10 @@ void add_solve(CLI::App& app)
                         "where not given")
         ->check(CLI::Range(0.0, 1e9));
     command->add_flag("--partial", arguments->partial,
-                      "Solve the largest connected part when not all cameras are connected");
+                      "Solve each connected part by itself when not all cameras are connected");
+    command->add_option("--threads", arguments->threads,
+                        "Threads to compute on, all cores where not given; the result is the same")
+        ->check(CLI::Range(1, 1024));
     command->callback([arguments] { finish(solve(*arguments)); });
 }
 

@@ -1,7 +1,9 @@
-// See bundle.h. Ceres runs on one thread, so that sums have one order and the same input gives the
+// See bundle.h. All views are evaluated together, on several threads, before Ceres asks for the first
+// of them; Ceres itself runs on one thread and sums them in one order, so that the same input gives the
 // same bits.
 #include "host/solve/bundle.h"
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
@@ -11,7 +13,8 @@
 #include <memory>
 #include <set>
 
-#include "host/solve/residuals.h"
+#include "host/base/parallel.h"
+#include "host/solve/view_cost.h"
 
 namespace rig {
 namespace {
@@ -42,67 +45,142 @@ class Parameters {
 public:
     explicit Parameters(const RigState& state)
     {
-        for (const Vector6& pose : state.rig_from_board) {
-            boards_.push_back(append(pose.data(), pose.data() + 6));
+        for (const Vector6& pose : state.rig_from_body) {
+            append(pose.data(), 6, &bodies_);
         }
         for (const Camera& lens : state.lenses) {
-            lenses_.push_back(append(lens.intrinsics.data(), lens.intrinsics.data() + lens.intrinsics.size()));
+            append(lens.intrinsics.data(), lens.intrinsics.size(), &lenses_);
         }
         for (const Vector6& pose : state.cam_from_rig) {
-            cameras_.push_back(append(pose.data(), pose.data() + 6));
+            append(pose.data(), 6, &cameras_);
+        }
+        for (const Vector6& pose : state.body_from_board) {
+            append(pose.data(), 6, &members_);
         }
     }
-    double* board(std::size_t pose) { return values_.data() + boards_[pose]; }
+    double* body(std::size_t pose) { return values_.data() + bodies_[pose]; }
     double* lens(std::size_t camera) { return values_.data() + lenses_[camera]; }
     double* camera(std::size_t camera) { return values_.data() + cameras_[camera]; }
-    void copy_to(RigState* state)
+    double* member(std::size_t member) { return values_.data() + members_[member]; }
+    void copy_to(RigState* state) const
     {
-        for (std::size_t i = 0; i < boards_.size(); ++i) {
-            state->rig_from_board[i] = Eigen::Map<const Vector6>(board(i));
+        for (std::size_t i = 0; i < bodies_.size(); ++i) {
+            state->rig_from_body[i] = Eigen::Map<const Vector6>(values_.data() + bodies_[i]);
         }
         for (std::size_t i = 0; i < lenses_.size(); ++i) {
             std::vector<double>& numbers = state->lenses[i].intrinsics;
-            if (!numbers.empty()) {
-                std::copy_n(lens(i), numbers.size(), numbers.begin());
-            }
-            state->cam_from_rig[i] = Eigen::Map<const Vector6>(camera(i));
+            std::copy_n(values_.begin() + static_cast<std::ptrdiff_t>(lenses_[i]), numbers.size(),
+                        numbers.begin());
+            state->cam_from_rig[i] = Eigen::Map<const Vector6>(values_.data() + cameras_[i]);
+        }
+        for (std::size_t i = 0; i < members_.size(); ++i) {
+            state->body_from_board[i] = Eigen::Map<const Vector6>(values_.data() + members_[i]);
         }
     }
 
 private:
-    std::size_t append(const double* begin, const double* end)
+    void append(const double* numbers, std::size_t count, std::vector<std::size_t>* places)
     {
-        values_.insert(values_.end(), begin, end);
-        return values_.size() - static_cast<std::size_t>(end - begin);
+        places->push_back(values_.size());
+        values_.insert(values_.end(), numbers, numbers + count);
     }
     std::vector<double> values_;
-    std::vector<std::size_t> boards_;
+    std::vector<std::size_t> bodies_;
     std::vector<std::size_t> lenses_;
     std::vector<std::size_t> cameras_;
+    std::vector<std::size_t> members_;
 };
+
+// Compresses all views whenever Ceres goes to another point. Most steps are taken, so derivatives are
+// made with the first look at a point.
+class Evaluation : public ceres::EvaluationCallback {
+public:
+    Evaluation(const BundleOptions& options, const RigState& state)
+        : options_(options), parameters_(state), state_(state)
+    {
+    }
+    void add(const View& view) { views_.push_back(&view); }
+    void reserve_all() { compressed_.resize(views_.size()); }
+    const CompressedView* compressed(std::size_t i) const { return &compressed_[i]; }
+    const std::vector<const View*>& views() const { return views_; }
+    Parameters& parameters() { return parameters_; }
+    void PrepareForEvaluation(bool, bool is_new) override
+    {
+        if (!is_new) {
+            return;
+        }
+        parameters_.copy_to(&state_);
+        parallel_for(views_.size(), options_.threads, 4, [&](std::size_t i) {
+            const auto camera = static_cast<std::size_t>(views_[i]->camera);
+            compress(*views_[i], state_, options_.cauchy.empty() ? 0.0 : options_.cauchy[camera],
+                     &compressed_[i]);
+        });
+    }
+
+private:
+    const BundleOptions& options_;
+    Parameters parameters_;
+    RigState state_;
+    std::vector<const View*> views_;
+    std::vector<CompressedView> compressed_;
+};
+
+// Adds the views' blocks; returns the cameras that take part.
+std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, ceres::Problem* problem,
+                                ceres::ParameterBlockOrdering* ordering)
+{
+    std::set<std::size_t> cameras;
+    Parameters& parameters = evaluation->parameters();
+    for (std::size_t i = 0; i < evaluation->views().size(); ++i) {
+        const View& view = *evaluation->views()[i];
+        const auto camera = static_cast<std::size_t>(view.camera);
+        const bool is_member = view.member != kNoMember;
+        auto cost = std::make_unique<ViewCost>(
+            evaluation->compressed(i), static_cast<int>(state.lenses[camera].intrinsics.size()), is_member);
+        double* body = parameters.body(view.pose);
+        std::vector<double*> blocks{parameters.lens(camera), parameters.camera(camera), body};
+        if (is_member) {
+            blocks.push_back(parameters.member(static_cast<std::size_t>(view.member)));
+            ordering->AddElementToGroup(blocks.back(), 1);
+        }
+        problem->AddResidualBlock(cost.release(), nullptr, blocks);
+        ordering->AddElementToGroup(body, 0);
+        cameras.insert(camera);
+    }
+    return cameras;
+}
+
+ceres::Solver::Options solver_options(const BundleOptions& options)
+{
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::DENSE_SCHUR;
+    solver.num_threads = 1;
+    solver.max_num_iterations = options.iterations_max;
+    solver.function_tolerance = options.tolerance;
+    solver.gradient_tolerance = 1e-14;
+    solver.parameter_tolerance = 1e-12;
+    solver.initial_trust_region_radius = options.trust;
+    solver.logging_type = ceres::SILENT;
+    return solver;
+}
 
 }  // namespace
 
 BundleResult bundle(const std::vector<View>& views, const BundleOptions& options, RigState* state)
 {
-    ceres::Problem problem;
-    Parameters parameters(*state);
-    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    std::set<std::size_t> cameras;
+    Evaluation evaluation(options, *state);
     for (const View& view : views) {
-        if (!has_used_points(view)) {
-            continue;
+        if (has_used_points(view)) {
+            evaluation.add(view);
         }
-        const auto camera = static_cast<std::size_t>(view.camera);
-        const double cauchy = options.cauchy.empty() ? 0.0 : options.cauchy[camera];
-        auto cost = std::make_unique<ViewCost>(&view, state->lenses[camera].model, cauchy);
-        double* board = parameters.board(view.pose);
-        problem.AddResidualBlock(cost.release(), nullptr, parameters.lens(camera),
-                                 parameters.camera(camera), board);
-        ordering->AddElementToGroup(board, 0);
-        cameras.insert(camera);
     }
-    for (const std::size_t camera : cameras) {
+    evaluation.reserve_all();
+    Parameters& parameters = evaluation.parameters();
+    ceres::Problem::Options problem_options;
+    problem_options.evaluation_callback = &evaluation;
+    ceres::Problem problem(problem_options);
+    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (const std::size_t camera : add_views(*state, &evaluation, &problem, ordering.get())) {
         const Camera& lens = state->lenses[camera];
         double* intrinsics = parameters.lens(camera);
         const std::vector<int> held = held_intrinsics(lens.model, options.lens);
@@ -115,19 +193,13 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
         }
         ordering->AddElementToGroup(intrinsics, 1);
         ordering->AddElementToGroup(parameters.camera(camera), 1);
-        if (static_cast<int>(camera) == options.gauge_camera) {
+        if (std::count(options.gauge_cameras.begin(), options.gauge_cameras.end(),
+                       static_cast<int>(camera)) != 0) {
             problem.SetParameterBlockConstant(parameters.camera(camera));
         }
     }
-    ceres::Solver::Options solver;
-    solver.linear_solver_type = ceres::DENSE_SCHUR;
+    ceres::Solver::Options solver = solver_options(options);
     solver.linear_solver_ordering = ordering;
-    solver.num_threads = 1;
-    solver.max_num_iterations = options.iterations_max;
-    solver.function_tolerance = options.tolerance;
-    solver.gradient_tolerance = 1e-14;
-    solver.parameter_tolerance = 1e-12;
-    solver.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
     if (summary.IsSolutionUsable()) {

@@ -1,5 +1,5 @@
-// One least-squares solve over views: lenses, camera poses and board poses together. Board poses are
-// eliminated first (Schur), one block a view.
+// One least-squares solve over views: lenses, camera poses, body poses and the boards' places on their
+// bodies together. Body poses are eliminated first (Schur), one block a view.
 #pragma once
 
 #include <vector>
@@ -13,10 +13,12 @@ enum class LensFreedom { kNone, kFocal, kRadial, kAll };
 
 struct BundleOptions {
     LensFreedom lens = LensFreedom::kAll;
-    std::vector<double> cauchy;  // loss scale by camera, in units of sigma; empty or 0: plain squares
-    int gauge_camera = 0;        // its cam_from_rig is held
+    std::vector<double> cauchy;         // loss scale by camera, in units of sigma; empty or 0: plain squares
+    std::vector<int> gauge_cameras{0};  // their cam_from_rig is held: one of each part
     int iterations_max = 50;
-    double tolerance = 1e-10;    // relative fall of the cost that ends the solve
+    double tolerance = 1e-10;           // relative fall of the cost that ends the solve
+    double trust = 1e4;                 // Ceres' first trust region: the inverse of the damping
+    int threads = 1;                    // over views; does not change the result
 };
 
 struct BundleResult {

@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "host/solve/robust.h"
 #include "host/solve/seed.h"
 
@@ -13,16 +16,118 @@ namespace {
 // seen: the worst lens left unmodelled by Brown's terms stays well below.
 constexpr double kMisfitPart = 0.005;
 
+// A lens is started from this many of a camera's views, spread over its frames; more add nothing to
+// a start.
+constexpr std::size_t kLensViews = 80;
+
 // The robust standard deviation in pixels: the whitened one times the points' typical sigma.
 double noise_px(const RigState& state, const std::vector<View>& views)
 {
-    std::vector<View> in_px = views;
+    std::vector<View> in_px = thinned(views, kApproachPoints);
     for (View& view : in_px) {
         for (ViewPoint& point : view.points) {
-            point.sigma_px = 1.0;
+            point.sigma_px = 1.0f;
         }
     }
-    return noise_factors(state, in_px)[0];
+    return noise_factors(state, 1, in_px)[0];
+}
+
+// Every n-th of `count`, at most kLensViews of them.
+std::vector<std::size_t> some_of(std::size_t count)
+{
+    std::vector<std::size_t> some;
+    const std::size_t taken = std::min(count, kLensViews);
+    for (std::size_t i = 0; i < taken; ++i) {
+        some.push_back(i * count / taken);
+    }
+    return some;
+}
+
+// Poses of views through a lens. Views without one are counted in alone->points_without_pose.
+void add_poses(const Camera& lens, const std::vector<const View*>& views,
+               const std::vector<std::size_t>& indices, std::vector<View>* own, RigState* state,
+               CameraAlone* alone)
+{
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        View thin = thinned(*views[i], kApproachPoints);
+        const std::optional<Pose> pose = seed_pose(lens, thin);
+        if (!pose) {
+            alone->points_without_pose += views[i]->points.size();
+            continue;
+        }
+        thin.camera = 0;
+        thin.pose = state->rig_from_body.size();
+        thin.member = kNoMember;
+        own->push_back(std::move(thin));
+        state->rig_from_body.push_back(pose_log(*pose));
+        alone->views.push_back(indices[i]);
+    }
+}
+
+// A camera's views, apart: those that its lens is started from, and the rest.
+struct OwnViews {
+    std::vector<const View*> some;
+    std::vector<std::size_t> some_indices;
+    std::vector<const View*> rest;
+    std::vector<std::size_t> rest_indices;
+};
+
+OwnViews own_views(const ViewSet& set, int camera)
+{
+    std::vector<std::size_t> all;
+    for (std::size_t i = 0; i < set.views.size(); ++i) {
+        if (set.views[i].camera == camera) {
+            all.push_back(i);
+        }
+    }
+    OwnViews out;
+    const std::vector<std::size_t> some = some_of(all.size());
+    for (std::size_t i = 0, next = 0; i < all.size(); ++i) {
+        const bool taken = next < some.size() && some[next] == i;
+        next += taken ? 1 : 0;
+        (taken ? out.some : out.rest).push_back(&set.views[all[i]]);
+        (taken ? out.some_indices : out.rest_indices).push_back(all[i]);
+    }
+    return out;
+}
+
+Status too_few(const SceneCamera& camera, std::size_t count)
+{
+    return Status::failure(fmt::format(
+        "camera '{}' has {} usable view{}, needs at least {}: record more frames in which it sees "
+        "the board, tilted differently",
+        camera.name, count, count == 1 ? "" : "s", static_cast<int>(kCameraViewsMin)));
+}
+
+// Poses of the views that the lens was not started from, with it held.
+void settle_rest(const OwnViews& views, RigState* state, CameraAlone* alone)
+{
+    RigState rest_state{state->lenses, {Vector6::Zero()}, {}, {}};
+    std::vector<View> rest;
+    add_poses(state->lenses[0], views.rest, views.rest_indices, &rest, &rest_state, alone);
+    BundleOptions options;
+    options.lens = LensFreedom::kNone;
+    if (!rest.empty()) {
+        // Where this does not settle, the first poses stand; the joint solution will tell.
+        approach(options, rest, &rest_state);
+    }
+    state->rig_from_body.insert(state->rig_from_body.end(), rest_state.rig_from_body.begin(),
+                                rest_state.rig_from_body.end());
+}
+
+// Views in the order of the set, whatever order they were solved in.
+void sort_views(CameraAlone* alone)
+{
+    std::vector<std::pair<std::size_t, Pose>> pairs;
+    for (std::size_t i = 0; i < alone->views.size(); ++i) {
+        pairs.emplace_back(alone->views[i], alone->cam_from_board[i]);
+    }
+    std::sort(pairs.begin(), pairs.end(),
+              [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+        alone->views[i] = pairs[i].first;
+        alone->cam_from_board[i] = pairs[i].second;
+    }
 }
 
 }  // namespace
@@ -31,46 +136,22 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
                                     CameraModel model)
 {
     const SceneCamera& known = scene.cameras[static_cast<std::size_t>(camera)];
-    std::vector<const View*> views;
-    std::vector<std::size_t> indices;
-    for (std::size_t i = 0; i < set.views.size(); ++i) {
-        if (set.views[i].camera == camera) {
-            views.push_back(&set.views[i]);
-            indices.push_back(i);
-        }
+    const OwnViews views = own_views(set, camera);
+    if (views.some.size() < kCameraViewsMin) {
+        return too_few(known, views.some.size());
     }
-    const auto too_few = [&](std::size_t count) {
-        return Status::failure(fmt::format(
-            "camera '{}' has {} usable view{}, needs at least {}: record more frames in which it sees "
-            "the board, tilted differently",
-            known.name, count, count == 1 ? "" : "s", static_cast<int>(kCameraViewsMin)));
-    };
-    if (views.size() < kCameraViewsMin) {
-        return too_few(views.size());
-    }
-    const CameraSeed seed = seed_camera(model, known, views);
     CameraAlone alone;
     std::vector<View> own;
-    RigState state{{seed.lens}, {Vector6::Zero()}, {}};
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        if (!seed.cam_from_board[i]) {
-            alone.points_without_pose += views[i]->points.size();
-            continue;
-        }
-        own.push_back(*views[i]);
-        own.back().camera = 0;
-        own.back().pose = state.rig_from_board.size();
-        state.rig_from_board.push_back(pose_log(*seed.cam_from_board[i]));
-        alone.views.push_back(indices[i]);
-    }
+    RigState state{{seed_lens(model, known, views.some)}, {Vector6::Zero()}, {}, {}};
+    add_poses(state.lenses[0], views.some, views.some_indices, &own, &state, &alone);
     if (own.size() < kCameraViewsMin) {
-        return too_few(own.size());
+        return too_few(known, own.size());
     }
     BundleOptions options;
     bool found = true;
     for (const LensFreedom lens : {LensFreedom::kFocal, LensFreedom::kRadial, LensFreedom::kAll}) {
         options.lens = lens;
-        found = found && approach(options, &own, &state);
+        found = found && approach(options, own, &state);
     }
     alone.noise_px = found ? noise_px(state, own) : HUGE_VAL;
     if (!(alone.noise_px <= kMisfitPart * known.width_px)) {
@@ -84,11 +165,13 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
         return Status::failure(
             fmt::format("camera '{}': its solution does not settle; record more views", known.name));
     }
+    alone.noise_px = noise_px(state, own);
+    settle_rest(views, &state, &alone);
     alone.lens = state.lenses[0];
-    for (const Vector6& pose : state.rig_from_board) {
+    for (const Vector6& pose : state.rig_from_body) {
         alone.cam_from_board.push_back(pose_exp(pose));
     }
-    alone.noise_px = noise_px(state, own);
+    sort_views(&alone);
     return alone;
 }
 

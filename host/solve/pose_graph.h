@@ -1,20 +1,28 @@
-// Which cameras saw the same board at the same place, and a first rig from that.
+// How the views hang together, and a first rig from that. Cameras that see the same board at the same
+// place are joined; so are boards of a group that joined cameras see at the same place; and where
+// neither helps, a camera and a board on each side, by three places or more (hand_eye.h).
 #pragma once
 
-#include "host/solve/intrinsics.h"
+#include "host/solve/views.h"
 
 namespace rig {
 
-// Groups of cameras joined by poses that two of them share; largest first, then by first camera.
-// A camera without views is a group of its own.
-std::vector<std::vector<int>> connected_parts(const ViewSet& set, std::size_t camera_count);
+struct Connection {
+    std::vector<std::vector<int>> parts;  // of cameras; largest first, then by first camera. A camera
+                                          // without views is a part of its own
+    std::vector<int> part_of_camera;
+    std::vector<int> body_of_board;       // first of the boards that are joined with this one
+};
 
-// First values of a connected rig, from each camera alone. Cameras are joined along the maximum
-// spanning tree over pairs, a pair weighing as many points as both saw together; a pair's relative
-// pose is the one, of all its shared boards', that the others agree with most. The first camera of
-// `cameras` is the rig frame. `set` holds only views of these cameras, each with a pose alone[i].
-// by_view: cam_from_board of each view in `set`.
-RigState join_cameras(const ViewSet& set, const std::vector<int>& cameras,
-                      const std::vector<Camera>& lenses, const std::vector<Pose>& by_view);
+// From who saw what alone.
+Connection connect(const Scene& scene, const ViewSet& set);
+
+// First values of the parts, from each camera alone: by_view is cam_from_board of each view. Always the
+// two heaviest pieces are joined, a pair weighing as many points as were seen of both together; their
+// relative pose is the one, of all that they share, that the others agree with most. The first camera
+// of each part is its frame. Gives `set` its poses and members. `connection` gets what could be joined:
+// less than `connect` says, where boards turned too little to tell their mutual pose.
+RigState join_cameras(const Scene& scene, const std::vector<Camera>& lenses,
+                      const std::vector<Pose>& by_view, ViewSet* set, Connection* connection);
 
 }  // namespace rig

@@ -6,10 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <set>
 
+#include "host/base/parallel.h"
 #include "host/solve/facing.h"
+#include "host/solve/intrinsics.h"
 #include "host/solve/pose_graph.h"
-#include "host/solve/residuals.h"
+#include "host/solve/view_kernel.h"
 #include "host/solve/uncertainty.h"
 
 namespace rig {
@@ -24,21 +28,69 @@ std::string names_of(const Scene& scene, const std::vector<int>& cameras)
     return fmt::format("{}", fmt::join(names, ", "));
 }
 
-// The cameras to solve: all, or with `partial` the largest connected part.
-Status choose_cameras(const Scene& scene, const SolveOptions& options, Solution* solution)
+// The frames in which a camera has views.
+std::set<std::int64_t> frames_seen(const ViewSet& set, int camera)
 {
-    const std::vector<std::vector<int>> parts = connected_parts(solution->set, scene.cameras.size());
-    solution->cameras = parts.front();
-    for (std::size_t i = 1; i < parts.size(); ++i) {
-        const std::string lost = fmt::format(
-            "nothing connects {} {} with {}", parts[i].size() == 1 ? "camera" : "cameras",
-            names_of(scene, parts[i]), names_of(scene, parts.front()));
-        if (!options.partial) {
-            return Status::failure(lost
-                                   + ": record frames in which a camera of each group sees the same "
-                                     "board at the same time, or use --partial");
+    std::set<std::int64_t> frames;
+    for (const View& view : set.views) {
+        if (view.camera == camera) {
+            frames.insert(view.frame);
         }
-        solution->left_out.push_back(lost);
+    }
+    return frames;
+}
+
+// The same in words: the first few and how many there are.
+std::string frames_of(const ViewSet& set, int camera)
+{
+    constexpr std::size_t kNamed = 5;
+    const std::set<std::int64_t> frames = frames_seen(set, camera);
+    if (frames.empty()) {
+        return "no frame";
+    }
+    std::vector<std::int64_t> named(frames.begin(), std::next(frames.begin(),
+                                    static_cast<std::ptrdiff_t>(std::min(kNamed, frames.size()))));
+    return frames.size() <= kNamed
+               ? fmt::format("frame{} {}", frames.size() == 1 ? "" : "s", fmt::join(named, ", "))
+               : fmt::format("frames {} ... {}, {} in all", fmt::join(named, ", "), *frames.rbegin(),
+                             frames.size());
+}
+
+// "camera 'a' (frames 1, 2), cameras ..." of one part.
+std::string seen_by(const Scene& scene, const ViewSet& set, const std::vector<int>& cameras)
+{
+    std::vector<std::string> each;
+    for (const int camera : cameras) {
+        each.push_back(names_of(scene, {camera}) + " (" + frames_of(set, camera) + ")");
+    }
+    return fmt::format("{} {}", cameras.size() == 1 ? "camera" : "cameras", fmt::join(each, ", "));
+}
+
+// The cameras to solve: all that hang together, or with `partial` all parts, each by itself.
+Status choose_cameras(const Scene& scene, const Connection& connection, bool partial, Solution* solution)
+{
+    solution->cameras.clear();
+    solution->gauge_cameras.clear();
+    solution->part_of_camera = connection.part_of_camera;
+    const auto& parts = connection.parts;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        if (partial && frames_seen(solution->set, parts[i].front()).empty()) {
+            continue;  // left out already, with a sentence of its own
+        }
+        if (i > 0 && !partial) {
+            return Status::failure(fmt::format(
+                "nothing connects {} with {}: record frames in which a camera of each group sees the same "
+                "board at the same time, or boards that 'rigid' joins, or use --partial",
+                seen_by(scene, solution->set, parts[i]), seen_by(scene, solution->set, parts.front())));
+        }
+        if (i > 0) {
+            solution->left_out.push_back(
+                fmt::format("nothing connects {} {} with {}: part {} has a rig frame of its own",
+                            parts[i].size() == 1 ? "camera" : "cameras", names_of(scene, parts[i]),
+                            names_of(scene, parts.front()), i));
+        }
+        solution->gauge_cameras.push_back(parts[i].front());
+        solution->cameras.insert(solution->cameras.end(), parts[i].begin(), parts[i].end());
     }
     return Status();
 }
@@ -60,19 +112,41 @@ void keep_views(const std::vector<bool>& keep, ViewSet* set, std::vector<Pose>* 
     by_view->resize(kept);
 }
 
-// Stage one for each chosen camera; views without a pose leave the set.
+// A camera that cannot be solved alone: the end, or with `partial` left out.
+Status leave_out(const Status& failure, bool partial, std::size_t camera, Solution* solution)
+{
+    if (!partial) {
+        return failure;
+    }
+    solution->left_out.push_back(failure.sentence());
+    for (const View& view : solution->set.views) {
+        if (static_cast<std::size_t>(view.camera) == camera) {
+            solution->set.rejected["camera left out"] += view.points.size();
+        }
+    }
+    return Status();
+}
+
+// Stage one for each camera; views without a pose leave the set.
 Status calibrate_each(const Scene& scene, const SolveOptions& options, const Progress& progress,
                       Solution* solution, std::vector<Pose>* by_view)
 {
     ViewSet& set = solution->set;
     std::vector<bool> keep(set.views.size(), false);
     by_view->assign(set.views.size(), Pose());
-    for (const int camera : solution->cameras) {
-        Result<CameraAlone> alone = calibrate_alone(scene, set, camera, options.model);
-        if (!alone.ok()) {
-            return alone.status();
+    std::vector<std::optional<Result<CameraAlone>>> alone(scene.cameras.size());
+    parallel_for(alone.size(), options.threads, 1, [&](std::size_t camera) {
+        alone[camera] = calibrate_alone(scene, set, static_cast<int>(camera), options.model);
+    });
+    for (std::size_t camera = 0; camera < alone.size(); ++camera) {
+        if (!alone[camera]->ok()) {
+            const Status left = leave_out(alone[camera]->status(), options.partial, camera, solution);
+            if (!left.ok()) {
+                return left;
+            }
+            continue;
         }
-        const CameraAlone& found = alone.value();
+        const CameraAlone& found = alone[camera]->value();
         for (std::size_t i = 0; i < found.views.size(); ++i) {
             keep[found.views[i]] = true;
             (*by_view)[found.views[i]] = found.cam_from_board[i];
@@ -80,22 +154,12 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
         if (found.points_without_pose > 0) {
             set.rejected["view without a pose"] += found.points_without_pose;
         }
-        solution->state.lenses[static_cast<std::size_t>(camera)] = found.lens;
-        progress(fmt::format("lens of {}: fx {:.1f}, {} views, noise {:.4f} px",
-                             scene.cameras[static_cast<std::size_t>(camera)].name,
+        solution->state.lenses[camera] = found.lens;
+        progress(fmt::format("lens of {}: fx {:.1f}, {} views, noise {:.4f} px", scene.cameras[camera].name,
                              found.lens.intrinsics[0], found.views.size(), found.noise_px));
     }
-    std::size_t lost = 0;
-    for (std::size_t i = 0; i < set.views.size(); ++i) {
-        const bool chosen = std::count(solution->cameras.begin(), solution->cameras.end(),
-                                       set.views[i].camera) != 0;
-        lost += chosen ? 0 : set.views[i].points.size();
-    }
-    if (lost > 0) {
-        set.rejected["camera left out"] += lost;
-    }
     keep_views(keep, &set, by_view);
-    return Status();
+    return set.views.empty() ? alone.front()->status() : Status();
 }
 
 // Board poses that no view needs any more (their views were left out) would hang in the air.
@@ -113,7 +177,7 @@ void drop_unused_poses(Solution* solution)
         if (used[i]) {
             place[i] = count;
             solution->set.poses[count] = solution->set.poses[i];
-            solution->state.rig_from_board[count] = solution->state.rig_from_board[i];
+            solution->state.rig_from_body[count] = solution->state.rig_from_body[i];
             ++count;
         }
     }
@@ -132,7 +196,7 @@ void drop_unused_poses(Solution* solution)
         view.pose = place[view.pose];
     }
     solution->set.poses.resize(count);
-    solution->state.rig_from_board.resize(count);
+    solution->state.rig_from_body.resize(count);
 }
 
 // After outliers went: every camera still needs its views, and all must still hang together.
@@ -157,12 +221,19 @@ Status check_support(const Scene& scene, const Solution& solution)
 
 }  // namespace
 
+bool is_gauge(const Solution& solution, int camera)
+{
+    return std::count(solution.gauge_cameras.begin(), solution.gauge_cameras.end(), camera) != 0;
+}
+
 Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, const Progress& progress)
 {
     Solution solution;
     solution.set = make_views(scene);
     solution.state.lenses.resize(scene.cameras.size());
-    Status status = choose_cameras(scene, options, &solution);
+    Connection connection = connect(scene, solution.set);
+    Status status = options.partial ? Status()
+                                    : choose_cameras(scene, connection, false, &solution);
     if (!status.ok()) {
         return status;
     }
@@ -175,18 +246,17 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     if (!status.ok()) {
         return status;
     }
-    const auto parts = connected_parts(solution.set, scene.cameras.size());
-    if (parts.front().size() != solution.cameras.size()) {
-        return Status::failure("the frames that connect camera "
-                               + names_of(scene, {parts[1].front()})
-                               + " with the others hold too few good points; record more frames in "
-                                 "which both see the board at the same time");
+    solution.state =
+        join_cameras(scene, solution.state.lenses, by_view, &solution.set, &connection);
+    status = choose_cameras(scene, connection, options.partial, &solution);
+    if (!status.ok()) {
+        return status;
     }
-    solution.state = join_cameras(solution.set, solution.cameras, solution.state.lenses, by_view);
     BundleOptions bundle_options;
-    bundle_options.gauge_camera = solution.cameras.front();
+    bundle_options.gauge_cameras = solution.gauge_cameras;
+    bundle_options.threads = options.threads;
     bundle_options.lens = LensFreedom::kNone;
-    if (!approach(bundle_options, &solution.set.views, &solution.state)) {
+    if (!approach(bundle_options, solution.set.views, &solution.state)) {
         return Status::failure("the cameras' poses cannot be joined into one rig; check that frame "
                                "numbers or clocks agree between cameras");
     }
@@ -213,19 +283,12 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
 
 std::vector<Eigen::Vector2d> residuals_px(const Solution& solution, const View& view)
 {
-    const auto camera = static_cast<std::size_t>(view.camera);
-    const Camera& lens = solution.state.lenses[camera];
-    Eigen::VectorXd whitened;
-    std::vector<Eigen::Vector2d> residuals;
-    if (view_residuals(view, lens.model, lens.intrinsics.data(),
-                       solution.state.cam_from_rig[camera].data(),
-                       solution.state.rig_from_board[view.pose].data(), &whitened, nullptr)) {
-        for (std::size_t i = 0; i < view.points.size(); ++i) {
-            residuals.push_back(view.points[i].sigma_px
-                                * whitened.segment<2>(static_cast<Eigen::Index>(2 * i)));
-        }
-    } else {
-        residuals.assign(view.points.size(), Eigen::Vector2d::Constant(HUGE_VAL));
+    Eigen::Matrix2Xd whitened;
+    view_residuals(view, solution.state, &whitened);
+    std::vector<Eigen::Vector2d> residuals(view.points.size());
+    for (std::size_t i = 0; i < view.points.size(); ++i) {
+        residuals[i] = static_cast<double>(view.points[i].sigma_px)
+                       * whitened.col(static_cast<Eigen::Index>(i));
     }
     return residuals;
 }

@@ -11,7 +11,8 @@ namespace rig {
 
 struct SolveOptions {
     CameraModel model = CameraModel::kBrown;
-    bool partial = false;  // solve the largest connected part when not all cameras are connected
+    bool partial = false;  // solve each connected part by itself when not all cameras are connected
+    int threads = 1;       // does not change the result
 };
 
 // Standard deviations from the covariance of the joint solution, scaled by its noise factor where
@@ -23,13 +24,17 @@ struct CameraUncertainty {
 };
 
 struct Solution {
-    std::vector<int> cameras;      // indices into Scene::cameras that were solved; first is the rig frame
+    std::vector<int> cameras;      // indices into Scene::cameras that were solved, part by part
+    std::vector<int> part_of_camera;    // by scene camera
+    std::vector<int> gauge_cameras;     // the first of each part: its frame is the part's rig frame
     std::vector<std::string> left_out;  // sentences: what is not in the solution, and why
     ViewSet set;                   // views of the solved cameras, with sigmas, offsets, used points
     RigState state;                // indexed by scene camera
     std::vector<double> noise_factor;      // by scene camera
     std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
 };
+
+bool is_gauge(const Solution& solution, int camera);
 
 // Called with one line at the end of each stage.
 using Progress = std::function<void(const std::string&)>;

@@ -1,11 +1,12 @@
-// See refine.h.
+// See robust.h.
 #include "host/solve/robust.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "host/base/parallel.h"
 #include "host/solve/circle_centre.h"
-#include "host/solve/residuals.h"
+#include "host/solve/view_kernel.h"
 
 namespace rig {
 namespace {
@@ -16,30 +17,32 @@ constexpr int kRobustRounds = 12;
 constexpr int kPlainRounds = 10;
 // A Cauchy loss of 3 sigmas: the pull of a point ten times as far is a third of what it was.
 constexpr double kCauchySigmas = 3.0;
+// Centre offsets that moved by less have no say: a hundredth of the best detector's error, and those
+// of a view move together with its pose, which the solve has just settled.
+constexpr double kOffsetSettledPx = 2e-5;
+// An estimated sigma that changes by less leaves the weights as they were.
+constexpr double kSigmaSettledPart = 1e-3;
+// Near the minimum Gauss and Newton's steps need no damping.
+constexpr double kTrustNear = 1e8;
 
-// Whitened residuals of a view; infinite where the present state gives no image.
-Eigen::VectorXd residuals_of(const RigState& state, const View& view)
-{
-    const auto camera = static_cast<std::size_t>(view.camera);
-    const Camera& lens = state.lenses[camera];
-    Eigen::VectorXd residuals;
-    if (!view_residuals(view, lens.model, lens.intrinsics.data(), state.cam_from_rig[camera].data(),
-                        state.rig_from_board[view.pose].data(), &residuals, nullptr)) {
-        residuals.setConstant(static_cast<Eigen::Index>(2 * view.points.size()), HUGE_VAL);
-    }
-    return residuals;
-}
-
-// Where no sigma was given: the camera's noise becomes the sigma of its points.
-void update_sigmas(std::vector<double>* factors, std::vector<View>* views)
+// Where no sigma was given: the camera's noise becomes the sigma of its points. True when that
+// changed the weights.
+bool update_sigmas(std::vector<double>* factors, std::vector<View>* views)
 {
     std::vector<bool> estimated(factors->size(), false);
+    bool changed = false;
     for (View& view : *views) {
         const auto camera = static_cast<std::size_t>(view.camera);
+        const double factor = (*factors)[camera];
+        const bool settled = std::abs(factor - 1.0) < kSigmaSettledPart;
         for (ViewPoint& point : view.points) {
             if (!point.sigma_known) {
-                point.sigma_px = std::max(kSigmaMinPx, point.sigma_px * (*factors)[camera]);
                 estimated[camera] = true;
+                if (!settled) {
+                    const double sigma = std::max(kSigmaMinPx, point.sigma_px * factor);
+                    changed = changed || std::abs(sigma / point.sigma_px - 1.0) > kSigmaSettledPart;
+                    point.sigma_px = static_cast<float>(sigma);
+                }
             }
         }
     }
@@ -48,83 +51,105 @@ void update_sigmas(std::vector<double>* factors, std::vector<View>* views)
             (*factors)[camera] = 1.0;
         }
     }
+    return changed;
 }
 
-// Applies the rule of refine.h; true when the set of used points changed.
-bool select_points(const RigState& state, const std::vector<double>& factors,
-                   std::vector<View>* views)
+// Applies the rule of robust.h to one view; true when the set of used points changed.
+bool select_points(const RigState& state, double limit, View* view)
 {
+    Eigen::Matrix2Xd residuals;
+    view_residuals(*view, state, &residuals);
+    const auto all = view->points.size();
+    const auto good = (residuals.colwise().norm().array() <= limit).eval();
+    const auto count = static_cast<std::size_t>(good.count());
+    const bool keep = static_cast<double>(all - count) <= kRejectViewPart * static_cast<double>(all)
+                      && count >= kViewPointsMin;
     bool changed = false;
-    for (View& view : *views) {
-        const double limit =
-            kRejectSigmas * std::max(1.0, factors[static_cast<std::size_t>(view.camera)]);
-        const Eigen::VectorXd residuals = residuals_of(state, view);
-        std::vector<bool> good(view.points.size());
-        std::size_t count = 0;
-        for (std::size_t i = 0; i < good.size(); ++i) {
-            good[i] = residuals.segment<2>(static_cast<Eigen::Index>(2 * i)).norm() <= limit;
-            count += good[i] ? 1u : 0u;
-        }
-        const bool keep = static_cast<double>(good.size() - count)
-                              <= kRejectViewPart * static_cast<double>(good.size())
-                          && count >= kViewPointsMin;
-        for (std::size_t i = 0; i < good.size(); ++i) {
-            const bool used = keep && good[i];
-            changed = changed || used != view.points[i].used;
-            view.points[i].used = used;
-        }
+    for (std::size_t i = 0; i < all; ++i) {
+        const bool used = keep && good[static_cast<Eigen::Index>(i)];
+        changed = changed || used != view->points[i].used;
+        view->points[i].used = used;
     }
     return changed;
 }
 
+bool select_points(const RigState& state, const std::vector<double>& factors, int threads,
+                   std::vector<View>* views)
+{
+    std::vector<char> changed(views->size(), 0);
+    parallel_for(views->size(), threads, 8, [&](std::size_t i) {
+        View& view = (*views)[i];
+        const double factor = factors[static_cast<std::size_t>(view.camera)];
+        changed[i] = select_points(state, kRejectSigmas * std::max(1.0, factor), &view) ? 1 : 0;
+    });
+    return std::count(changed.begin(), changed.end(), 1) > 0;
+}
+
 }  // namespace
 
-double update_centre_offsets(const RigState& state, std::vector<View>* views)
+double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views)
 {
-    double largest = 0.0;
-    for (View& view : *views) {
-        const auto camera = static_cast<std::size_t>(view.camera);
-        const Pose cam_from_board =
-            pose_exp(state.cam_from_rig[camera]) * pose_exp(state.rig_from_board[view.pose]);
+    std::vector<double> largest(views->size(), 0.0);
+    parallel_for(views->size(), threads, 4, [&](std::size_t i) {
+        View& view = (*views)[i];
+        const Pose pose = cam_from_board(state, view);
+        const Camera& lens = state.lenses[static_cast<std::size_t>(view.camera)];
         for (ViewPoint& point : view.points) {
-            if (point.radius_mm > 0.0) {
-                const Eigen::Vector2d offset = circle_centre_offset(
-                    state.lenses[camera], cam_from_board, point.at_mm, point.radius_mm);
-                largest = std::max(largest, (offset - point.centre_offset_px).norm());
+            if (point.radius_mm > 0.0f) {
+                const Eigen::Vector2f offset =
+                    circle_centre_offset(lens, pose, point.at_mm, static_cast<double>(point.radius_mm))
+                        .cast<float>();
+                const double moved = static_cast<double>((offset - point.centre_offset_px).norm());
+                largest[i] = std::max(largest[i], moved);
                 point.centre_offset_px = offset;
             }
         }
-    }
-    return largest;
+    });
+    return views->empty() ? 0.0 : *std::max_element(largest.begin(), largest.end());
 }
 
-std::vector<double> noise_factors(const RigState& state, const std::vector<View>& views)
+std::vector<double> noise_factors(const RigState& state, int threads, const std::vector<View>& views)
 {
-    std::vector<std::vector<double>> sizes(state.lenses.size());
-    for (const View& view : views) {
-        const Eigen::VectorXd residuals = residuals_of(state, view);
-        auto& list = sizes[static_cast<std::size_t>(view.camera)];
-        for (const double residual : residuals) {
-            list.push_back(std::abs(residual));
-        }
+    // Each view's place in its camera's list is known beforehand, so that views can be done in any
+    // order.
+    std::vector<std::vector<float>> sizes(state.lenses.size());
+    std::vector<std::size_t> place(views.size());
+    std::vector<std::size_t> total(state.lenses.size(), 0);
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        std::size_t& end = total[static_cast<std::size_t>(views[i].camera)];
+        place[i] = end;
+        end += 2 * views[i].points.size();
     }
-    std::vector<double> factors;
-    for (std::vector<double>& list : sizes) {
+    for (std::size_t camera = 0; camera < sizes.size(); ++camera) {
+        sizes[camera].resize(total[camera]);
+    }
+    parallel_for(views.size(), threads, 8, [&](std::size_t i) {
+        Eigen::Matrix2Xd residuals;
+        view_residuals(views[i], state, &residuals);
+        float* out = sizes[static_cast<std::size_t>(views[i].camera)].data() + place[i];
+        for (Eigen::Index k = 0; k < residuals.size(); ++k) {
+            out[k] = static_cast<float>(std::abs(residuals.data()[k]));
+        }
+    });
+    std::vector<double> factors(sizes.size(), 0.0);
+    parallel_for(sizes.size(), threads, 1, [&](std::size_t camera) {
+        std::vector<float>& list = sizes[camera];
         const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
         std::nth_element(list.begin(), middle, list.end());
-        factors.push_back(list.empty() ? 0.0 : 1.4826 * *middle);
-    }
+        factors[camera] = list.empty() ? 0.0 : 1.4826 * static_cast<double>(*middle);
+    });
     return factors;
 }
 
-bool approach(const BundleOptions& options, std::vector<View>* views, RigState* state)
+bool approach(const BundleOptions& options, const std::vector<View>& views, RigState* state)
 {
+    std::vector<View> some = thinned(views, kApproachPoints);
     BundleOptions robust = options;
     robust.tolerance = 1e-6;
     double before = HUGE_VAL;
     for (int round = 0; round < kRobustRounds; ++round) {
-        update_centre_offsets(*state, views);
-        std::vector<double> factors = noise_factors(*state, *views);
+        update_centre_offsets(*state, options.threads, &some);
+        std::vector<double> factors = noise_factors(*state, options.threads, some);
         double total = 0.0;
         for (double& factor : factors) {
             if (!std::isfinite(factor)) {
@@ -138,7 +163,7 @@ bool approach(const BundleOptions& options, std::vector<View>* views, RigState* 
         }
         before = total;
         robust.cauchy = factors;
-        if (!bundle(*views, robust, state).usable) {
+        if (!bundle(some, robust, state).usable) {
             return false;
         }
     }
@@ -148,28 +173,25 @@ bool approach(const BundleOptions& options, std::vector<View>* views, RigState* 
 RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
 {
     RefineResult result;
-    if (!approach(options, views, state)) {
+    if (!approach(options, *views, state)) {
         return result;
     }
-    // The centre offsets are held during a solve and change by a thousandth of what the state does,
-    // so these rounds converge in a few.
-    double cost = HUGE_VAL;
+    // Centre offsets, sigmas and the set of points are held during a solve. They change by a
+    // thousandth of what the state does, so that two rounds are the rule.
+    BundleOptions near = options;
+    near.trust = kTrustNear;
     for (int round = 0; round < kPlainRounds; ++round) {
-        const double moved = update_centre_offsets(*state, views);
-        result.noise_factor = noise_factors(*state, *views);
-        update_sigmas(&result.noise_factor, views);
-        const bool changed = select_points(*state, result.noise_factor, views);
-        const BundleResult solved = bundle(*views, options, state);
-        if (!solved.usable) {
-            return result;
-        }
-        const bool settled = !changed && moved < 1e-5 && round > 1;
-        if (settled || (round > 1 && !changed && std::abs(cost - solved.cost) < 1e-9 * cost)) {
+        const double moved = update_centre_offsets(*state, options.threads, views);
+        result.noise_factor = noise_factors(*state, options.threads, *views);
+        const bool weighed = update_sigmas(&result.noise_factor, views);
+        const bool changed = select_points(*state, result.noise_factor, options.threads, views);
+        if (round > 0 && !weighed && !changed && moved < kOffsetSettledPx) {
             break;
         }
-        cost = solved.cost;
+        if (!bundle(*views, near, state).usable) {
+            return result;
+        }
     }
-    update_centre_offsets(*state, views);
     result.converged = true;
     return result;
 }

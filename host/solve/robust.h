@@ -14,6 +14,9 @@ constexpr double kRejectSigmas = 6.0;
 // time is wrong, and the points that fit do so by chance.
 constexpr double kRejectViewPart = 0.5;
 
+// Robust solves only need to come near: they look at this many points of each view.
+constexpr std::size_t kApproachPoints = 64;
+
 struct RefineResult {
     bool converged = false;
     std::vector<double> noise_factor;  // by camera: robust scale of the whitened residuals
@@ -23,15 +26,15 @@ struct RefineResult {
 // not known, and which points are used.
 RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state);
 
-// The robust rounds alone: all points, a loss whose scale follows the residuals down until they stop
-// shrinking. False when no step led to a usable state.
-bool approach(const BundleOptions& options, std::vector<View>* views, RigState* state);
+// The robust rounds alone, on at most kApproachPoints of each view: a loss whose scale follows the
+// residuals down until they stop shrinking. False when no step led to a usable state.
+bool approach(const BundleOptions& options, const std::vector<View>& views, RigState* state);
 
 // Sets each circle's centre_offset_px for the present state. Returns the largest change, px.
-double update_centre_offsets(const RigState& state, std::vector<View>* views);
+double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views);
 
 // Robust standard deviation per axis of the whitened residuals, by camera (0 without any): 1.4826
 // times the median of their absolute components, rejected points included.
-std::vector<double> noise_factors(const RigState& state, const std::vector<View>& views);
+std::vector<double> noise_factors(const RigState& state, int threads, const std::vector<View>& views);
 
 }  // namespace rig

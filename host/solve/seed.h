@@ -8,17 +8,12 @@
 
 namespace rig {
 
-struct CameraSeed {
-    Camera lens;                                     // square pixels, centre of the image, no distortion
-    std::vector<std::optional<Pose>> cam_from_board;  // by view; none where no pose was found
-};
+// A lens with square pixels, the centre of the image and no distortion. Tries focal lengths from a third
+// of the image's width to ten times it, and takes the one under which rigid boards fit best: median
+// reprojection error over some of the views, which are one camera's.
+Camera seed_lens(CameraModel model, const SceneCamera& camera, const std::vector<const View*>& views);
 
-// Tries focal lengths from a third of the image's width to ten times it, and takes the one under which
-// rigid boards fit best: median reprojection error over some views. `views` are one camera's.
-CameraSeed seed_camera(CameraModel model, const SceneCamera& camera,
-                       const std::vector<const View*>& views);
-
-// Pose of a board from one view through a given lens.
+// Pose of a board from one view through a given lens; none where it has none.
 std::optional<Pose> seed_pose(const Camera& lens, const View& view);
 
 }  // namespace rig

@@ -58,12 +58,11 @@ Rays rays_of(const Camera& lens, const View& view, std::size_t points_max)
 {
     Rays rays;
     std::vector<Eigen::Vector3d> points;
-    const std::size_t step = std::max<std::size_t>(1, view.points.size() / points_max);
     const double fold = lens.fold_radius();
-    for (std::size_t i = 0; i < view.points.size(); i += step) {
-        const Eigen::Vector3d ray = lens.unproject(view.points[i].pixel, fold);
-        if (view.points[i].used && ray.allFinite() && ray.z() > 0.1) {
-            points.push_back(view.points[i].at_mm);
+    for (const ViewPoint& point : thinned(view, points_max).points) {
+        const Eigen::Vector3d ray = lens.unproject(point.pixel, fold);
+        if (ray.allFinite() && ray.z() > 0.1) {
+            points.push_back(point.at_mm);
             rays.image.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
         }
     }
@@ -176,13 +175,11 @@ std::optional<Pose> seed_pose(const Camera& lens, const View& view)
     return pose_of(rays_of(lens, view, view.points.size()));
 }
 
-CameraSeed seed_camera(CameraModel model, const SceneCamera& camera,
-                       const std::vector<const View*>& views)
+Camera seed_lens(CameraModel model, const SceneCamera& camera, const std::vector<const View*>& views)
 {
-    cv::setRNGSeed(1);
     const std::size_t step = std::max<std::size_t>(1, views.size() / kScanViews);
     double best_error = HUGE_VAL;
-    CameraSeed seed;
+    Camera best = plain_lens(model, camera, camera.width_px);
     for (double part = 0.3; part < 10.0; part *= 1.15) {
         const double focal_px = part * camera.width_px;
         const Camera lens = plain_lens(model, camera, focal_px);
@@ -200,13 +197,10 @@ CameraSeed seed_camera(CameraModel model, const SceneCamera& camera,
         }
         if (sum < best_error) {
             best_error = sum;
-            seed.lens = lens;
+            best = lens;
         }
     }
-    for (const View* view : views) {
-        seed.cam_from_board.push_back(best_error < HUGE_VAL ? seed_pose(seed.lens, *view) : std::nullopt);
-    }
-    return seed;
+    return best;
 }
 
 }  // namespace rig

@@ -9,7 +9,7 @@
 
 #include <cmath>
 
-#include "host/solve/residuals.h"
+#include "host/solve/pose_chain.h"
 
 namespace rig {
 namespace {
@@ -41,28 +41,37 @@ RigCovariance rig_covariance(const Solution& solution)
         const auto c = static_cast<std::size_t>(camera);
         out.offset[c] = size;
         size += static_cast<Eigen::Index>(state.lenses[c].intrinsics.size())
-                + (camera == solution.cameras.front() ? 0 : 6);
+                + (is_gauge(solution, camera) ? 0 : 6);
     }
+    const Eigen::Index members = size;
+    size += 6 * static_cast<Eigen::Index>(state.body_from_board.size());
     Eigen::MatrixXd schur = Eigen::MatrixXd::Zero(size, size);
     std::map<std::size_t, PosePart> parts;
     for (const View& view : solution.set.views) {
         const auto c = static_cast<std::size_t>(view.camera);
-        const Camera& lens = state.lenses[c];
-        ViewQuadratic quadratic;
-        if (!view_quadratic(view, lens.model, lens.intrinsics.data(), state.cam_from_rig[c].data(),
-                            state.rig_from_board[view.pose].data(), 0.0, true, &quadratic)) {
+        LocalQuadratic quadratic;
+        if (!local_quadratic(view, state.lenses[c], cam_from_board(state, view), 0.0, true, &quadratic)) {
             continue;
         }
-        const auto lens_count = static_cast<Eigen::Index>(lens.intrinsics.size());
-        const Eigen::Index own = lens_count + (view.camera == solution.cameras.front() ? 0 : 6);
-        schur.block(out.offset[c], out.offset[c], own, own) += quadratic.normal.topLeftCorner(own, own);
+        const Eigen::MatrixXd normal = chain_normal(quadratic, chain_of(state, view));
+        const auto lens_count = static_cast<Eigen::Index>(state.lenses[c].intrinsics.size());
+        const Eigen::Index own = lens_count + (is_gauge(solution, view.camera) ? 0 : 6);
+        const Eigen::Index body = lens_count + 6;
         PosePart& part = parts[view.pose];
         if (part.across.size() == 0) {
             part.across = Eigen::MatrixXd::Zero(size, 6);
         }
-        part.across.middleRows(out.offset[c], own) +=
-            quadratic.normal.block(0, lens_count + 6, own, 6);
-        part.own += quadratic.normal.block<6, 6>(lens_count + 6, lens_count + 6);
+        schur.block(out.offset[c], out.offset[c], own, own) += normal.topLeftCorner(own, own);
+        part.across.middleRows(out.offset[c], own) += normal.block(0, body, own, 6);
+        part.own += normal.block<6, 6>(body, body);
+        if (view.member != kNoMember) {
+            const Eigen::Index at = members + 6 * view.member;
+            const Eigen::MatrixXd by_lens = normal.block(0, body + 6, own, 6);
+            schur.block(out.offset[c], at, own, 6) += by_lens;
+            schur.block(at, out.offset[c], 6, own) += by_lens.transpose();
+            schur.block<6, 6>(at, at) += normal.block<6, 6>(body + 6, body + 6);
+            part.across.middleRows<6>(at) += normal.block<6, 6>(body + 6, body);
+        }
     }
     for (const auto& [pose, part] : parts) {
         if (part.own.norm() > 0.0) {
@@ -111,7 +120,8 @@ Status estimate_uncertainty(const Scene& scene, Solution* solution)
         double sigma_px = HUGE_VAL;
         for (const View& view : solution->set.views) {
             for (const ViewPoint& point : view.points) {
-                sigma_px = view.camera == camera ? std::min(sigma_px, point.sigma_px) : sigma_px;
+                const auto own_px = static_cast<double>(point.sigma_px);
+                sigma_px = view.camera == camera ? std::min(sigma_px, own_px) : sigma_px;
             }
         }
         const double raise = std::max(1.0, kNoiseMinPx / sigma_px);
@@ -121,7 +131,7 @@ Status estimate_uncertainty(const Scene& scene, Solution* solution)
                                                                  100.0 * part)
                                                    : "nothing tells its focal length");
         }
-        if (camera != solution->cameras.front()) {
+        if (!is_gauge(*solution, camera)) {
             // A change d of the rotation vector turns the camera by the left Jacobian times d.
             const Eigen::Vector3d vector = solution->state.cam_from_rig[c].head<3>();
             const Eigen::Matrix3d left = rotation_right_jacobian(-vector);

@@ -235,11 +235,43 @@ def test_cameras_that_nothing_connects_are_named_and_nothing_is_written(tmp_path
     cameras, board, _, rows = make(3, 24)
     apart = [row for row in rows if (row[0] == 2) == (row[1] % 2 == 0)]
     simulate.write_folder(tmp_path / "in", cameras, board, apart)
-    assert refused(run("solve", tmp_path / "in", "--out", tmp_path / "out"), "'cam2'", "'cam0'", "--partial")
+    assert refused(run("solve", tmp_path / "in", "--out", tmp_path / "out"),
+                   "camera 'cam2' (frames 0, 2, 4, 6, 8 ... 22, 12 in all)", "'cam0' (frames 1, 3,", "--partial")
     assert not (tmp_path / "out").exists()
-    rig = solve(tmp_path / "in", tmp_path / "part", "--partial")
+
+
+def test_parts_that_nothing_connects_are_solved_each_by_itself_when_asked(tmp_path):
+    cameras, board, _, rows = make(4, 30)
+    apart = [row for row in rows if (row[0] >= 2) == (row[1] % 2 == 0)]
+    simulate.write_folder(tmp_path / "in", cameras, board, apart)
+    rig = solve(tmp_path / "in", tmp_path / "out", "--partial")
+    assert [(camera["name"], camera["part"]) for camera in rig["cameras"]] == [
+        ("cam0", 0), ("cam1", 0), ("cam2", 1), ("cam3", 1)]
+    assert "'cam2', 'cam3'" in rig["left_out"][0]
+    assert {frame["part"] for frame in rig["frames"]} == {0, 1}
+    assert_recovered({**rig, "cameras": rig["cameras"][:2]}, cameras[:2])
+    turn, shift = cameras[2]["cam_from_rig"]
+    moved = [{**c, "cam_from_rig": (c["cam_from_rig"][0] @ turn.T,
+                                    c["cam_from_rig"][1] - c["cam_from_rig"][0] @ turn.T @ shift)}
+             for c in cameras[2:]]
+    assert_recovered({**rig, "cameras": rig["cameras"][2:]}, moved)
+
+
+def test_a_camera_that_cannot_be_solved_is_left_out_when_asked(tmp_path):
+    cameras, board, _, rows = make(3, 14)
+    simulate.write_folder(tmp_path / "in", cameras, board, [r for r in rows if r[0] != 2 or r[1] in (1, 2)])
+    assert refused(run("solve", tmp_path / "in", "--out", tmp_path / "out"), "'cam2' has ")
+    rig = solve(tmp_path / "in", tmp_path / "out", "--partial")
     assert [camera["name"] for camera in rig["cameras"]] == ["cam0", "cam1"]
-    assert "cam2" in rig["left_out"][0]
+    assert "'cam2' has " in rig["left_out"][0] and rig["rejected_by_reason"]["camera left out"] > 0
+
+
+def test_the_number_of_threads_does_not_change_a_byte(solved, tmp_path):
+    for threads in (1, 2, 3):
+        out = tmp_path / str(threads)
+        assert run("solve", solved["in"], "--out", out, "--threads", str(threads)).returncode == 0
+        for name in ("rig.json", "summary.txt", "residuals-cam0.png"):
+            assert (out / name).read_bytes() == (solved["out"] / name).read_bytes()
 
 
 def test_a_camera_joined_through_another_is_solved(tmp_path):
@@ -293,7 +325,9 @@ def test_bad_lines_are_refused_by_name(change, words, solved, tmp_path):
     ({"format": "other"}, ["scene.json", "'format'"]),
     ({"version": 2}, ["scene.json", "'version'"]),
     ({"surprise": 1}, ["scene.json", "'surprise'"]),
-    ({"rigid": [["a", "b"]]}, ["scene.json", "'rigid'"]),
+    ({"rigid": [["a", "b"]]}, ["scene.json", "'rigid'", "'b'"]),
+    ({"rigid": [["a"]]}, ["scene.json", "'rigid'", "two or more"]),
+    ({"rigid": "a"}, ["scene.json", "'rigid'", "list"]),
     ({"cameras": []}, ["scene.json", "'cameras'"]),
     ({"boards": [{"name": "a"}]}, ["scene.json", "boards[0]"]),
     ({"boards": [{"name": "a", "points": "none.csv"}]}, ["none.csv"]),
