@@ -52,7 +52,7 @@ std::string frames_of(const ViewSet& set, int camera)
                                     static_cast<std::ptrdiff_t>(std::min(kNamed, frames.size()))));
     return frames.size() <= kNamed
                ? fmt::format("frame{} {}", frames.size() == 1 ? "" : "s", fmt::join(named, ", "))
-               : fmt::format("frames {} ... {}, {} in all", fmt::join(named, ", "), *frames.rbegin(),
+               : fmt::format("frames {} ... {}; {} in all", fmt::join(named, ", "), *frames.rbegin(),
                              frames.size());
 }
 
@@ -64,6 +64,20 @@ std::string seen_by(const Scene& scene, const ViewSet& set, const std::vector<in
         each.push_back(names_of(scene, {camera}) + " (" + frames_of(set, camera) + ")");
     }
     return fmt::format("{} {}", cameras.size() == 1 ? "camera" : "cameras", fmt::join(each, ", "));
+}
+
+// What joins two parts: frames seen together, or, where the boards that each sees are fixed to each
+// other and were seen together but do not turn enough to tell how (`by_motion`), more turning.
+Status not_connected(const Scene& scene, const ViewSet& set, const std::vector<int>& lost,
+                     const std::vector<int>& main, bool by_motion)
+{
+    return Status::failure(fmt::format(
+        "nothing connects {} with {}: {}, or use --partial", seen_by(scene, set, lost),
+        seen_by(scene, set, main),
+        by_motion ? "the boards that 'rigid' fixes to each other turn too little; record frames in which "
+                    "they turn by 20 degrees and more about two axes, or in which one camera sees both"
+                  : "record frames in which a camera of each group sees the same board at the same time, "
+                    "or boards that 'rigid' fixes to each other"));
 }
 
 // The cameras to solve: all that hang together, or with `partial` all parts, each by itself.
@@ -78,10 +92,8 @@ Status choose_cameras(const Scene& scene, const Connection& connection, bool par
             continue;  // left out already, with a sentence of its own
         }
         if (i > 0 && !partial) {
-            return Status::failure(fmt::format(
-                "nothing connects {} with {}: record frames in which a camera of each group sees the same "
-                "board at the same time, or boards that 'rigid' joins, or use --partial",
-                seen_by(scene, solution->set, parts[i]), seen_by(scene, solution->set, parts.front())));
+            return not_connected(scene, solution->set, parts[i], parts.front(),
+                                 connect(scene, solution->set).parts.size() < parts.size());
         }
         if (i > 0) {
             solution->left_out.push_back(

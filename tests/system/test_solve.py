@@ -236,7 +236,7 @@ def test_cameras_that_nothing_connects_are_named_and_nothing_is_written(tmp_path
     apart = [row for row in rows if (row[0] == 2) == (row[1] % 2 == 0)]
     simulate.write_folder(tmp_path / "in", cameras, board, apart)
     assert refused(run("solve", tmp_path / "in", "--out", tmp_path / "out"),
-                   "camera 'cam2' (frames 0, 2, 4, 6, 8 ... 22, 12 in all)", "'cam0' (frames 1, 3,", "--partial")
+                   "camera 'cam2' (frames 0, 2, 4, 6, 8 ... 22; 12 in all)", "'cam0' (frames 1, 3,", "--partial")
     assert not (tmp_path / "out").exists()
 
 
