@@ -22,15 +22,21 @@ host_SRC := \
   host/obs/scene.cc \
   host/obs/target_board.cc \
   host/solve/bundle.cc \
+  host/solve/change.cc \
   host/solve/circle_centre.cc \
   host/solve/facing.cc \
+  host/solve/frame_quadratic.cc \
   host/solve/hand_eye.cc \
   host/solve/intrinsics.cc \
   host/solve/pose_graph.cc \
   host/solve/robust.cc \
+  host/solve/lens_change.cc \
+  host/solve/moved.cc \
   host/solve/pose_chain.cc \
   host/solve/rig.cc \
+  host/solve/scale.cc \
   host/solve/seed_opencv.cc \
+  host/solve/swapped.cc \
   host/solve/uncertainty.cc \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \

@@ -1,5 +1,5 @@
-// Comma-separated files with a header line: columns are found by name, and every complaint names the
-// source and the line. No quoting: the project's tables hold names without commas and numbers.
+// Comma-separated files with a header line: columns are found by name, and every complaint names
+// the source and the line. No quoting: the project's tables hold names without commas and numbers.
 #pragma once
 
 #include <cstdint>

@@ -11,8 +11,9 @@
 
 namespace rig {
 
-// Calls body(i) for each i below count, on at most `threads` threads; 0 and 1: on the caller's alone.
-// body must not throw. Turns are handed out in runs of `run`: more where one turn takes little time.
+// Calls body(i) for each i below count, on at most `threads` threads; 0 and 1: on the caller's
+// alone. body must not throw. Turns are handed out in runs of `run`: more where one turn takes
+// little time.
 template <typename Body>
 void parallel_for(std::size_t count, int threads, std::size_t run, const Body& body)
 {

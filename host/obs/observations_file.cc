@@ -22,7 +22,8 @@ bool in_order(const Observation& a, const Observation& b)
     return order_key(a) < order_key(b);
 }
 
-// Names or numbers of cameras or boards. Files repeat the same cell for long: the last answer is kept.
+// Names or numbers of cameras or boards. Files repeat the same cell for long: the last answer is
+// kept.
 class Names {
 public:
     template <typename Named>

@@ -194,8 +194,8 @@ Result<std::vector<Board>> read_boards(const json& list, const std::string& path
     return boards;
 }
 
-// Boards that `rigid` fixes to each other get one group; what one of them is fixed to, all are: where
-// one of a group is static, all stand still.
+// Boards that `rigid` fixes to each other get one group; what one of them is fixed to, all are:
+// where one of a group is static, all stand still.
 Status read_rigid(const json& root, const std::string& path, std::vector<Board>* boards)
 {
     const json lists = root.value("rigid", json::array());

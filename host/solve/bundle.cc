@@ -1,6 +1,6 @@
-// See bundle.h. All views are evaluated together, on several threads, before Ceres asks for the first
-// of them; Ceres itself runs on one thread and sums them in one order, so that the same input gives the
-// same bits.
+// See bundle.h. All views are evaluated together, on several threads, before Ceres asks for the
+// first of them; Ceres itself runs on one thread and sums them in one order, so that the same input
+// gives the same bits.
 #include "host/solve/bundle.h"
 
 #include <ceres/evaluation_callback.h>
@@ -91,8 +91,8 @@ private:
     std::vector<std::size_t> members_;
 };
 
-// Compresses all views whenever Ceres goes to another point. Most steps are taken, so derivatives are
-// made with the first look at a point.
+// Compresses all views whenever Ceres goes to another point. Most steps are taken, so derivatives
+// are made with the first look at a point.
 class Evaluation : public ceres::EvaluationCallback {
 public:
     Evaluation(const BundleOptions& options, const RigState& state)

@@ -1,5 +1,5 @@
-// One least-squares solve over views: lenses, camera poses, body poses and the boards' places on their
-// bodies together. Body poses are eliminated first (Schur), one block a view.
+// One least-squares solve over views: lenses, camera poses, body poses and the boards' places on
+// their bodies together. Body poses are eliminated first (Schur), one block a view.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,8 @@
 
 namespace rig {
 
-// How much of a lens may move. Focal: fx, fy. Radial: these and the first two distortion coefficients.
+// How much of a lens may move. Focal: fx, fy. Radial: these and the first two distortion
+// coefficients.
 enum class LensFreedom { kNone, kFocal, kRadial, kAll };
 
 struct BundleOptions {

@@ -1,6 +1,7 @@
-// See hand_eye.h. Rotations first: with S of b_from_a, A of a_from_p, B of b_from_q and W the inverse of
-// p_from_q's, S A = B W is linear and homogeneous in the 18 numbers of S and W: they are the eigenvector
-// of the smallest eigenvalue. Then translations, t_b = S A t_pq + S t_a + t_ba, linear in t_pq and t_ba.
+// See hand_eye.h. Rotations first: with S of b_from_a, A of a_from_p, B of b_from_q and W the
+// inverse of p_from_q's, S A = B W is linear and homogeneous in the 18 numbers of S and W: they are
+// the eigenvector of the smallest eigenvalue. Then translations, t_b = S A t_pq + S t_a + t_ba,
+// linear in t_pq and t_ba.
 #include "host/solve/hand_eye.h"
 
 #include <Eigen/Cholesky>
@@ -17,8 +18,8 @@ constexpr int kRounds = 6;  // of weights after the first
 // Disagreements count in these units, and by Cauchy's weight in units of them.
 constexpr double kTurnUnit = 0.01;   // rad
 constexpr double kShiftUnit = 0.01;  // of the distance
-// The second smallest eigenvalue as a part of the largest. Places that turn about one axis only leave it
-// at their noise; turning by 10 degrees about two axes makes it 0.005.
+// The second smallest eigenvalue as a part of the largest. Places that turn about one axis only
+// leave it at their noise; turning by 10 degrees about two axes makes it 0.005.
 constexpr double kSpreadMin = 3e-4;
 
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix)

@@ -21,9 +21,9 @@ struct HandEye {
 
 enum { kHandEyeMin = 3 };
 
-// b_from_q = b_from_a * a_from_p * p_from_q for all of the list, in the least-squares sense, places that
-// contradict the others left aside. None where there are fewer than kHandEyeMin places, or where they
-// do not differ enough by rotations about two axes.
+// b_from_q = b_from_a * a_from_p * p_from_q for all of the list, in the least-squares sense, places
+// that contradict the others left aside. None where there are fewer than kHandEyeMin places, or
+// where they do not differ enough by rotations about two axes.
 std::optional<HandEye> solve_hand_eye(const std::vector<Sighted>& places);
 
 }  // namespace rig

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/solve/lens_change.h"
 #include "host/solve/robust.h"
 #include "host/solve/seed.h"
 
@@ -19,18 +20,6 @@ constexpr double kMisfitPart = 0.005;
 // A lens is started from this many of a camera's views, spread over its frames; more add nothing to
 // a start.
 constexpr std::size_t kLensViews = 80;
-
-// The robust standard deviation in pixels: the whitened one times the points' typical sigma.
-double noise_px(const RigState& state, const std::vector<View>& views)
-{
-    std::vector<View> in_px = thinned(views, kApproachPoints);
-    for (View& view : in_px) {
-        for (ViewPoint& point : view.points) {
-            point.sigma_px = 1.0f;
-        }
-    }
-    return noise_factors(state, 1, in_px)[0];
-}
 
 // Every n-th of `count`, at most kLensViews of them.
 std::vector<std::size_t> some_of(std::size_t count)
@@ -89,6 +78,29 @@ OwnViews own_views(const ViewSet& set, int camera)
         (taken ? out.some_indices : out.rest_indices).push_back(all[i]);
     }
     return out;
+}
+
+// Views of flat boards that are all tilted alike tell fewer numbers than a lens has; what tells the
+// rest is then the shape of its distortion, which is no measurement of it.
+bool all_at_one_tilt(const Scene& scene, const std::vector<View>& views, const RigState& state)
+{
+    constexpr double kSpreadMin = 0.087;  // rad: 5 degrees
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    std::vector<Eigen::Vector3d> normals;
+    for (const View& view : views) {
+        const Board& board = scene.boards[static_cast<std::size_t>(view.board)];
+        const double z = board.points.front().at_mm.z();
+        if (std::any_of(board.points.begin(), board.points.end(),
+                        [&](const BoardPoint& point) { return point.at_mm.z() != z; })) {
+            return false;
+        }
+        normals.push_back(cam_from_board(state, view).rotation.col(2));
+        mean += normals.back();
+    }
+    mean.normalize();
+    return std::all_of(normals.begin(), normals.end(), [&](const Eigen::Vector3d& normal) {
+        return normal.dot(mean) > std::cos(kSpreadMin);
+    });
 }
 
 Status too_few(const SceneCamera& camera, std::size_t count)
@@ -153,7 +165,7 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
         options.lens = lens;
         found = found && approach(options, own, &state);
     }
-    alone.noise_px = found ? noise_px(state, own) : HUGE_VAL;
+    alone.noise_px = found ? noise_px(state, own)[0] : HUGE_VAL;
     if (!(alone.noise_px <= kMisfitPart * known.width_px)) {
         return Status::failure(fmt::format(
             "camera '{}': no {} lens with rigid boards explains its points (typical misfit {:.1f} px); "
@@ -165,7 +177,15 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
         return Status::failure(
             fmt::format("camera '{}': its solution does not settle; record more views", known.name));
     }
-    alone.noise_px = noise_px(state, own);
+    if (all_at_one_tilt(scene, own, state)) {
+        return Status::failure(fmt::format(
+            "camera '{}': its views do not determine its lens (the board is tilted alike in all of them); "
+            "record views in which the board is tilted by 20 to 45 degrees, about different axes, at "
+            "different distances",
+            known.name));
+    }
+    alone.noise_px = noise_px(state, own)[0];
+    alone.change = find_lens_change(state, own);
     settle_rest(views, &state, &alone);
     alone.lens = state.lenses[0];
     for (const Vector6& pose : state.rig_from_body) {

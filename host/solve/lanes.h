@@ -1,5 +1,5 @@
-// Four points at a time: arithmetic on Lanes is that of each of its four numbers alone, in the order
-// written, so that results do not depend on how wide the processor's registers are.
+// Four points at a time: arithmetic on Lanes is that of each of its four numbers alone, in the
+// order written, so that results do not depend on how wide the processor's registers are.
 #pragma once
 
 #include <cstring>

@@ -1,5 +1,5 @@
-// Sums over a view's points for the lenses of the pinhole family (camera.cc has their formula), four
-// points at a time. D is the number of distortion coefficients: 5, 8 or 12.
+// Sums over a view's points for the lenses of the pinhole family (camera.cc has their formula),
+// four points at a time. D is the number of distortion coefficients: 5, 8 or 12.
 #pragma once
 
 #include <array>

@@ -8,8 +8,8 @@
 
 namespace rig {
 
-// The poses of a view's chain, from the camera outwards: cam_from_rig, rig_from_body and, for a board
-// that is a member of its body, body_from_board.
+// The poses of a view's chain, from the camera outwards: cam_from_rig, rig_from_body and, for a
+// board that is a member of its body, body_from_board.
 struct PoseChain {
     enum { kLinksMax = 3 };
     int count = 0;
@@ -18,8 +18,8 @@ struct PoseChain {
 
 PoseChain chain_of(const RigState& state, const View& view);
 
-// motion = map[i] * (change of link i), to first order. For link i with all before it rotating by P,
-// its own rotation vector v with right Jacobian J, and everything behind it translating by s:
+// motion = map[i] * (change of link i), to first order. For link i with all before it rotating by
+// P, its own rotation vector v with right Jacobian J, and everything behind it translating by s:
 //     w = P R(v) J dv,   t_motion = P dt - [P R(v) s]x P R(v) J dv
 void motion_maps(const PoseChain& chain, Eigen::Matrix<double, 6, 6> maps[PoseChain::kLinksMax]);
 

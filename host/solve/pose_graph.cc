@@ -49,8 +49,8 @@ struct Pieces {
     }
 };
 
-// The relative pose that most of the others agree with. Ten milliradians or a hundredth of the distance
-// count alike; a disagreement counts at most ten of these.
+// The relative pose that most of the others agree with. Ten milliradians or a hundredth of the
+// distance count alike; a disagreement counts at most ten of these.
 Pose most_agreed(const std::vector<Pose>& candidates, const std::vector<double>& distances_mm)
 {
     std::size_t best = 0;
@@ -93,8 +93,8 @@ public:
     const Pieces& boards() const { return boards_; }
 
 private:
-    // What does not move is seen at its one place in every frame: the largest view of each camera and
-    // board says it all.
+    // What does not move is seen at its one place in every frame: the largest view of each camera
+    // and board says it all.
     std::vector<std::size_t> largest_of_each(const std::vector<std::size_t>& views) const
     {
         std::map<std::pair<int, int>, std::size_t> largest;
@@ -138,7 +138,8 @@ private:
         }
     }
 
-    // Whether this pair joins cameras or boards, and which pieces, the lower first; false for neither.
+    // Whether this pair joins cameras or boards, and which pieces, the lower first; false for
+    // neither.
     struct Link {
         bool of_boards = false;
         int low = 0;

@@ -12,9 +12,12 @@
 #include "host/base/parallel.h"
 #include "host/solve/facing.h"
 #include "host/solve/intrinsics.h"
+#include "host/solve/moved.h"
 #include "host/solve/pose_graph.h"
-#include "host/solve/view_kernel.h"
+#include "host/solve/scale.h"
+#include "host/solve/swapped.h"
 #include "host/solve/uncertainty.h"
+#include "host/solve/view_kernel.h"
 
 namespace rig {
 namespace {
@@ -139,9 +142,10 @@ Status leave_out(const Status& failure, bool partial, std::size_t camera, Soluti
     return Status();
 }
 
-// Stage one for each camera; views without a pose leave the set.
+// Stage one for each camera; views without a pose leave the set. noise_px, by camera, is of each
+// alone.
 Status calibrate_each(const Scene& scene, const SolveOptions& options, const Progress& progress,
-                      Solution* solution, std::vector<Pose>* by_view)
+                      Solution* solution, std::vector<Pose>* by_view, std::vector<double>* noise_px)
 {
     ViewSet& set = solution->set;
     std::vector<bool> keep(set.views.size(), false);
@@ -150,6 +154,14 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
     parallel_for(alone.size(), options.threads, 1, [&](std::size_t camera) {
         alone[camera] = calibrate_alone(scene, set, static_cast<int>(camera), options.model);
     });
+    std::vector<std::optional<Change>> change;
+    for (const auto& each : alone) {
+        change.push_back(each->ok() ? each->value().change : std::nullopt);
+    }
+    const Status lenses = check_lenses(scene, set, options.model, change);
+    if (!lenses.ok()) {
+        return lenses;
+    }
     for (std::size_t camera = 0; camera < alone.size(); ++camera) {
         if (!alone[camera]->ok()) {
             const Status left = leave_out(alone[camera]->status(), options.partial, camera, solution);
@@ -167,6 +179,7 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
             set.rejected["view without a pose"] += found.points_without_pose;
         }
         solution->state.lenses[camera] = found.lens;
+        (*noise_px)[camera] = found.noise_px;
         progress(fmt::format("lens of {}: fx {:.1f}, {} views, noise {:.4f} px", scene.cameras[camera].name,
                              found.lens.intrinsics[0], found.views.size(), found.noise_px));
     }
@@ -211,21 +224,67 @@ void drop_unused_poses(Solution* solution)
     solution->state.rig_from_body.resize(count);
 }
 
-// After outliers went: every camera still needs its views, and all must still hang together.
-Status check_support(const Scene& scene, const Solution& solution)
+// Of a camera's views those that are still in use, without their points.
+ViewSet used_views(const ViewSet& set)
 {
-    for (const int camera : solution.cameras) {
-        int views = 0;
-        for (const View& view : solution.set.views) {
-            const bool used = std::any_of(view.points.begin(), view.points.end(),
-                                          [](const ViewPoint& point) { return point.used; });
-            views += view.camera == camera && used ? 1 : 0;
+    ViewSet out;
+    for (const View& view : set.views) {
+        if (std::any_of(view.points.begin(), view.points.end(),
+                        [](const ViewPoint& point) { return point.used; })) {
+            View used;
+            used.camera = view.camera;
+            used.board = view.board;
+            used.frame = view.frame;
+            out.views.push_back(used);
         }
-        if (views < kCameraViewsMin) {
+    }
+    return out;
+}
+
+// A camera that fits the rig worse than its own views by this factor, and than this many pixels, is
+// not at one place in it. Boards and lenses that are not as modelled are so alone, too.
+constexpr double kTogetherWorst = 5.0;
+constexpr double kTogetherWorstPx = 1.0;
+
+// After outliers went: most of every camera's views must agree, and all must still hang together.
+Status check_support(const Scene& scene, const Connection& connection,
+                     const std::vector<double>& alone_px, const Solution& solution)
+{
+    const std::string check = "check that it did not move and that its frame numbers or clock agree with "
+                              "those of the other cameras";
+    const ViewSet used = used_views(solution.set);
+    const auto count = [](const ViewSet& set, int camera) {
+        return static_cast<int>(std::count_if(
+            set.views.begin(), set.views.end(),
+            [&](const View& view) { return view.camera == camera; }));
+    };
+    for (const int camera : solution.cameras) {
+        const int good = count(used, camera);
+        const int all = count(solution.set, camera);
+        if (good < kCameraViewsMin || 2 * good < all) {
+            return Status::failure(
+                fmt::format("camera '{}': only {} of its {} views agree with one rig; {}",
+                            scene.cameras[static_cast<std::size_t>(camera)].name, good, all, check));
+        }
+    }
+    const std::vector<double> together = noise_px(solution.state, solution.set.views);
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        if (together[c] > std::max(kTogetherWorstPx, kTogetherWorst * alone_px[c])) {
             return Status::failure(fmt::format(
-                "camera '{}': only {} of its views agree with one rig; check that it did not move and "
-                "that its frame numbers or clock agree with those of the other cameras",
-                scene.cameras[static_cast<std::size_t>(camera)].name, views));
+                "camera '{}' fits its boards to {:.2f} px alone, but with the others only to {:.1f} px; {}",
+                scene.cameras[c].name, alone_px[c], together[c], check));
+        }
+    }
+    const Connection now = connect(scene, used);
+    for (const std::vector<int>& part : now.parts) {
+        const auto before = static_cast<std::size_t>(
+            connection.part_of_camera[static_cast<std::size_t>(part.front())]);
+        if (part.size() < connection.parts[before].size()
+            && part.front() != connection.parts[before].front()) {
+            return Status::failure(fmt::format(
+                "the views that connect camera {} with the others contradict each other; {}",
+                names_of(scene, {part.front()}), check));
         }
     }
     return Status();
@@ -250,11 +309,16 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return status;
     }
     std::vector<Pose> by_view;
-    status = calibrate_each(scene, options, progress, &solution, &by_view);
+    std::vector<double> alone_px(scene.cameras.size(), 0.0);
+    status = calibrate_each(scene, options, progress, &solution, &by_view, &alone_px);
     if (!status.ok()) {
         return status;
     }
     status = check_facing(scene, solution.set, by_view);
+    if (!status.ok()) {
+        return status;
+    }
+    status = check_scale(scene, solution.set, by_view);
     if (!status.ok()) {
         return status;
     }
@@ -276,11 +340,15 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
                          solution.set.poses.size()));
     bundle_options.lens = LensFreedom::kAll;
     const RefineResult refined = refine(bundle_options, &solution.set.views, &solution.state);
+    status = check_moved(scene, solution);
+    if (!status.ok()) {
+        return status;
+    }
     if (!refined.converged) {
         return Status::failure("the joint solution does not settle; record more views");
     }
     solution.noise_factor = refined.noise_factor;
-    status = check_support(scene, solution);
+    status = check_support(scene, connection, alone_px, solution);
     if (!status.ok()) {
         return status;
     }

@@ -17,8 +17,8 @@ constexpr int kRobustRounds = 12;
 constexpr int kPlainRounds = 10;
 // A Cauchy loss of 3 sigmas: the pull of a point ten times as far is a third of what it was.
 constexpr double kCauchySigmas = 3.0;
-// Centre offsets that moved by less have no say: a hundredth of the best detector's error, and those
-// of a view move together with its pose, which the solve has just settled.
+// Centre offsets that moved by less have no say: a hundredth of the best detector's error, and
+// those of a view move together with its pose, which the solve has just settled.
 constexpr double kOffsetSettledPx = 2e-5;
 // An estimated sigma that changes by less leaves the weights as they were.
 constexpr double kSigmaSettledPart = 1e-3;
@@ -139,6 +139,17 @@ std::vector<double> noise_factors(const RigState& state, int threads, const std:
         factors[camera] = list.empty() ? 0.0 : 1.4826 * static_cast<double>(*middle);
     });
     return factors;
+}
+
+std::vector<double> noise_px(const RigState& state, const std::vector<View>& views)
+{
+    std::vector<View> in_px = thinned(views, kApproachPoints);
+    for (View& view : in_px) {
+        for (ViewPoint& point : view.points) {
+            point.sigma_px = 1.0f;
+        }
+    }
+    return noise_factors(state, 1, in_px);
 }
 
 bool approach(const BundleOptions& options, const std::vector<View>& views, RigState* state)

@@ -10,8 +10,8 @@ namespace rig {
 // factor (at least 1). A Gaussian residual in the plane does so once in 65 million.
 constexpr double kRejectSigmas = 6.0;
 
-// A view with more than this part of its points rejected is rejected as a whole: its board, frame or
-// time is wrong, and the points that fit do so by chance.
+// A view with more than this part of its points rejected is rejected as a whole: its board, frame
+// or time is wrong, and the points that fit do so by chance.
 constexpr double kRejectViewPart = 0.5;
 
 // Robust solves only need to come near: they look at this many points of each view.
@@ -36,5 +36,8 @@ double update_centre_offsets(const RigState& state, int threads, std::vector<Vie
 // Robust standard deviation per axis of the whitened residuals, by camera (0 without any): 1.4826
 // times the median of their absolute components, rejected points included.
 std::vector<double> noise_factors(const RigState& state, int threads, const std::vector<View>& views);
+
+// The same of residuals in pixels, over some of the points in use.
+std::vector<double> noise_px(const RigState& state, const std::vector<View>& views);
 
 }  // namespace rig

@@ -8,9 +8,9 @@
 
 namespace rig {
 
-// A lens with square pixels, the centre of the image and no distortion. Tries focal lengths from a third
-// of the image's width to ten times it, and takes the one under which rigid boards fit best: median
-// reprojection error over some of the views, which are one camera's.
+// A lens with square pixels, the centre of the image and no distortion. Tries focal lengths from a
+// third of the image's width to ten times it, and takes the one under which rigid boards fit best:
+// median reprojection error over some of the views, which are one camera's.
 Camera seed_lens(CameraModel model, const SceneCamera& camera, const std::vector<const View*>& views);
 
 // Pose of a board from one view through a given lens; none where it has none.

@@ -1,5 +1,5 @@
-// Starting values by OpenCV, the only solver file that sees it. Pixels become rays first, so one path
-// serves every lens: poses are found in the plane z = 1 with a camera matrix of one.
+// Starting values by OpenCV, the only solver file that sees it. Pixels become rays first, so one
+// path serves every lens: poses are found in the plane z = 1 with a camera matrix of one.
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>

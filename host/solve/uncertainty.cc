@@ -14,8 +14,8 @@
 namespace rig {
 namespace {
 
-// Eigenvalues of the equilibrated matrix below this are rounding, and are raised to it: a direction that
-// the data do not see then shows as an enormous deviation, instead of a random one.
+// Eigenvalues of the equilibrated matrix below this are rounding, and are raised to it: a direction
+// that the data do not see then shows as an enormous deviation, instead of a random one.
 constexpr double kEigenvalueMin = 1e-14;
 
 // Floor of the noise for the question whether data determine a parameter: noise-free data of a bad

@@ -7,11 +7,11 @@
 
 namespace rig {
 
-// With the view's normal matrix N and gradient g in its local parameters (view_kernel.h), R a root of N
-// (R'R = N, by Cholesky's method with pivots) and y = R'^-1 g, the residual handed to Ceres is (y, rest),
-// rest chosen so that its squared length is the view's sum of squares. R, with a row of zeros below, is
-// its Jacobian: cost, gradient and Gauss-Newton matrix are those of the full block, in one row more than
-// there are local parameters instead of two a point.
+// With the view's normal matrix N and gradient g in its local parameters (view_kernel.h), R a root
+// of N (R'R = N, by Cholesky's method with pivots) and y = R'^-1 g, the residual handed to Ceres is
+// (y, rest), rest chosen so that its squared length is the view's sum of squares. R, with a row of
+// zeros below, is its Jacobian: cost, gradient and Gauss-Newton matrix are those of the full block,
+// in one row more than there are local parameters instead of two a point.
 struct CompressedView {
     bool usable = false;       // false: a point had no image
     Eigen::VectorXd residual;  // one more than local parameters

@@ -1,5 +1,5 @@
-// See view_kernel.h. Lenses of the pinhole family have sums of their own (pinhole_kernel.h); any other
-// goes point by point through its formula.
+// See view_kernel.h. Lenses of the pinhole family have sums of their own (pinhole_kernel.h); any
+// other goes point by point through its formula.
 #include "host/solve/view_kernel.h"
 
 #include "host/solve/pinhole_kernel.h"

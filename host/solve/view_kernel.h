@@ -15,8 +15,8 @@ namespace rig {
 enum { kMotionCount = 6 };
 
 // Sum of a view's squared residuals with robust weights, and the quadratic model of it: with w the
-// loss's derivative, normal = sum w J'J and gradient = sum w J'r over the points in use. Columns: the
-// lens's intrinsics, then the motion.
+// loss's derivative, normal = sum w J'J and gradient = sum w J'r over the points in use. Columns:
+// the lens's intrinsics, then the motion.
 struct LocalQuadratic {
     double squares = 0.0;  // sum of loss(|r|^2)
     Eigen::MatrixXd normal;
@@ -24,11 +24,13 @@ struct LocalQuadratic {
 };
 
 // cauchy: scale of the Cauchy loss in units of sigma; 0: plain squares. With derive false only
-// `squares` is written. False when a point in use has no image: the step that led here is impossible.
+// `squares` is written. False when a point in use has no image: the step that led here is
+// impossible.
 bool local_quadratic(const View& view, const Camera& lens, const Pose& cam_from_board, double cauchy,
                      bool derive, LocalQuadratic* out);
 
-// Whitened residuals of all points, used or not, one column each; infinite for a point without image.
+// Whitened residuals of all points, used or not, one column each; infinite for a point without
+// image.
 void view_residuals(const View& view, const Camera& lens, const Pose& cam_from_board,
                     Eigen::Matrix2Xd* residuals);
 void view_residuals(const View& view, const RigState& state, Eigen::Matrix2Xd* residuals);

@@ -1,6 +1,6 @@
 // Observations put together as the solver works on them: a view is what one camera saw of one board
-// in one frame. A body is what moves as one piece: a board, or a group of boards fixed to each other.
-// Views that share a pose see the same body at the same place:
+// in one frame. A body is what moves as one piece: a board, or a group of boards fixed to each
+// other. Views that share a pose see the same body at the same place:
 //     cam_from_board = cam_from_rig * rig_from_body * body_from_board
 #pragma once
 
@@ -71,8 +71,8 @@ enum { kViewPointsMin = 6 };
 // lie on a line, do not carry a pose: they are left out and counted. Poses are not yet given.
 ViewSet make_views(const Scene& scene);
 
-// Gives every view its pose and member: cameras belong to parts (by camera; a negative one has no views),
-// boards to bodies (by board: the first board of its body).
+// Gives every view its pose and member: cameras belong to parts (by camera; a negative one has no
+// views), boards to bodies (by board: the first board of its body).
 void assign_poses(const Scene& scene, const std::vector<int>& part_of_camera,
                   const std::vector<int>& body_of_board, ViewSet* set);
 

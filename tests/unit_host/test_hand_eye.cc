@@ -1,4 +1,5 @@
-// Two cameras, each with a board of its own, fixed to each other: the common motion tells how they stand.
+// Two cameras, each with a board of its own, fixed to each other: the common motion tells how they
+// stand.
 #include <cmath>
 
 #include "host/solve/hand_eye.h"

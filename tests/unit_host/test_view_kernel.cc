@@ -170,8 +170,8 @@ void gradient_is_that_of_the_robust_sum()
                     TEST_ASSERT_TRUE(local_quadratic(view, moved, turned, cauchy, false, &there));
                     sums[side] = there.squares;
                 }
-                // Sums of some 1e7 lose 1e-9 to rounding, over steps of 1e-6 1e-3 of slope; slopes that
-                // matter are the geometric mean of the sum and the curvature.
+                // Sums of some 1e7 lose 1e-9 to rounding, over steps of 1e-6 1e-3 of slope; slopes
+                // that matter are the geometric mean of the sum and the curvature.
                 const double slope = (sums[1] - sums[0]) / (4.0 * step);
                 const double size = std::sqrt(quadratic.normal(i, i) * quadratic.squares);
                 TEST_ASSERT_TRUE(std::abs(slope - quadratic.gradient[i])
@@ -219,8 +219,8 @@ void compression_keeps_cost_gradient_and_information()
         const Eigen::Map<Eigen::VectorXd> r(residuals.data(), rows);
         const Eigen::MatrixXd normal = chain_normal(full, chain_of(state, view));
         const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseInverse();
-        // Compared where every parameter has the same weight. The factor drops pivots below 1e-14 of
-        // 34 columns.
+        // Compared where every parameter has the same weight. The factor drops pivots below 1e-14
+        // of 34 columns.
         TEST_ASSERT_TRUE((scale.asDiagonal() * (all.transpose() * all - normal) * scale.asDiagonal()).norm()
                          < 1e-11);
         TEST_ASSERT_TRUE((all.leftCols(16).transpose() * r - full.gradient.head(16))
@@ -231,7 +231,8 @@ void compression_keeps_cost_gradient_and_information()
     }
 }
 
-// By another road: many samples, a general conic by singular values, Euclidean spacing along the edge.
+// By another road: many samples, a general conic by singular values, Euclidean spacing along the
+// edge.
 Eigen::Vector2d dense_centre(const Camera& lens, const Pose& pose, const Eigen::Vector3d& centre, double radius)
 {
     constexpr int kCount = 2000;
