@@ -37,6 +37,49 @@ const Samples& unit_circle()
     return angles.unit;
 }
 
+// Of the conic through the samples. Zero where they do not spread.
+Eigen::Vector2d conic_centre(const Samples& edge)
+{
+    const Samples& unit = unit_circle();
+    const Eigen::Vector2d mean = edge.rowwise().mean();
+    const Eigen::Matrix2d axes = (2.0 / kSamples) * edge * unit.transpose();
+    if (std::abs(axes.determinant()) < 1e-12) {
+        return Eigen::Vector2d::Zero();
+    }
+    const Samples u = axes.inverse() * (edge.colwise() - mean);
+    // Lower triangle of the normal matrix of the columns 1, u, v, u^2 - v^2, u v, and the right side.
+    std::array<double, 15> sums{};
+    Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
+    for (int k = 0; k < kSamples; ++k) {
+        const int before = (k + kSamples - 1) % kSamples;
+        const int after = (k + 1) % kSamples;
+        const double weight =
+            std::sqrt((edge.col(after) - edge.col(before)).squaredNorm());
+        const double x = u(0, k);
+        const double y = u(1, k);
+        const std::array<double, 5> row{1.0, x, y, x * x - y * y, x * y};
+        const double distance = weight * (x * x + y * y - 1.0);
+        std::size_t at = 0;
+        for (std::size_t i = 0; i < row.size(); ++i) {
+            right[static_cast<int>(i)] -= distance * row[i];
+            for (std::size_t j = 0; j <= i; ++j) {
+                sums[at++] += weight * row[i] * row[j];
+            }
+        }
+    }
+    Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
+    for (int i = 0, at = 0; i < 5; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            normal(i, j) = sums[static_cast<std::size_t>(at++)];
+        }
+    }
+    const Eigen::Matrix<double, 5, 1> p = normal.llt().solve(right);
+    Eigen::Matrix2d quadratic;
+    quadratic << 2.0 * (1.0 + p[3]), p[4], p[4], 2.0 * (1.0 - p[3]);
+    const Eigen::Vector2d centre = -quadratic.inverse() * p.segment<2>(1);
+    return mean + axes * centre;
+}
+
 }  // namespace
 
 Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_board,
@@ -61,30 +104,7 @@ Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_bo
         }
         edge.col(k) = pixel - image_of_centre;
     }
-    const Eigen::Vector2d mean = edge.rowwise().mean();
-    const Eigen::Matrix2d axes = (2.0 / kSamples) * edge * unit.transpose();
-    if (std::abs(axes.determinant()) < 1e-12) {
-        return none;
-    }
-    const Samples u = axes.inverse() * (edge.colwise() - mean);
-    Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
-    Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
-    for (int k = 0; k < kSamples; ++k) {
-        const int before = (k + kSamples - 1) % kSamples;
-        const int after = (k + 1) % kSamples;
-        const double weight = (edge.col(after) - edge.col(before)).norm();
-        const double x = u(0, k);
-        const double y = u(1, k);
-        Eigen::Matrix<double, 5, 1> row;
-        row << 1.0, x, y, x * x - y * y, x * y;
-        normal += weight * row * row.transpose();
-        right -= weight * (x * x + y * y - 1.0) * row;
-    }
-    const Eigen::Matrix<double, 5, 1> p = normal.ldlt().solve(right);
-    Eigen::Matrix2d quadratic;
-    quadratic << 2.0 * (1.0 + p[3]), p[4], p[4], 2.0 * (1.0 - p[3]);
-    const Eigen::Vector2d centre = -quadratic.inverse() * p.segment<2>(1);
-    return mean + axes * centre;
+    return conic_centre(edge);
 }
 
 }  // namespace rig
