@@ -4,10 +4,12 @@
 #include "host/solve/bundle.h"
 
 #include <ceres/evaluation_callback.h>
+#include <ceres/iteration_callback.h>
 #include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <memory>
@@ -150,6 +152,25 @@ std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, c
     return cameras;
 }
 
+// Says where a solve is, some seconds apart, so that short ones say nothing.
+class Reporter : public ceres::IterationCallback {
+public:
+    explicit Reporter(const BundleOptions& options) : options_(options) {}
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override
+    {
+        if (options_.progress && step.cumulative_time_in_seconds > said_s_ + kEverySeconds) {
+            said_s_ = step.cumulative_time_in_seconds;
+            options_.progress(fmt::format("  iteration {}, cost {:.6g}", step.iteration, step.cost));
+        }
+        return ceres::SOLVER_CONTINUE;
+    }
+
+private:
+    static constexpr double kEverySeconds = 3.0;
+    const BundleOptions& options_;
+    double said_s_ = 0.0;
+};
+
 ceres::Solver::Options solver_options(const BundleOptions& options)
 {
     ceres::Solver::Options solver;
@@ -198,7 +219,9 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
             problem.SetParameterBlockConstant(parameters.camera(camera));
         }
     }
+    Reporter reporter(options);
     ceres::Solver::Options solver = solver_options(options);
+    solver.callbacks.push_back(&reporter);
     solver.linear_solver_ordering = ordering;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);

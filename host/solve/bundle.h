@@ -2,6 +2,8 @@
 // their bodies together. Body poses are eliminated first (Schur), one block a view.
 #pragma once
 
+#include <functional>
+#include <string>
 #include <vector>
 
 #include "host/solve/views.h"
@@ -20,6 +22,7 @@ struct BundleOptions {
     double tolerance = 1e-10;           // relative fall of the cost that ends the solve
     double trust = 1e4;                 // Ceres' first trust region: the inverse of the damping
     int threads = 1;                    // over views; does not change the result
+    std::function<void(const std::string&)> progress = {};  // told of steps when a solve takes long
 };
 
 struct BundleResult {

@@ -24,6 +24,8 @@ constexpr double kOffsetSettledPx = 2e-5;
 constexpr double kSigmaSettledPart = 1e-3;
 // Near the minimum Gauss and Newton's steps need no damping.
 constexpr double kTrustNear = 1e8;
+// Brown's lens takes five; coefficients that stand in for one another lead through long valleys.
+constexpr int kIterationsNear = 150;
 
 // Where no sigma was given: the camera's noise becomes the sigma of its points. True when that
 // changed the weights.
@@ -191,6 +193,7 @@ RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigS
     // thousandth of what the state does, so that two rounds are the rule.
     BundleOptions near = options;
     near.trust = kTrustNear;
+    near.iterations_max = kIterationsNear;
     for (int round = 0; round < kPlainRounds; ++round) {
         const double moved = update_centre_offsets(*state, options.threads, views);
         result.noise_factor = noise_factors(*state, options.threads, *views);
