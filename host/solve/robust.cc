@@ -87,6 +87,23 @@ bool select_points(const RigState& state, const std::vector<double>& factors, in
     return std::count(changed.begin(), changed.end(), 1) > 0;
 }
 
+// Whether the offsets of some of the view's circles are still what they were: those of a view move
+// together.
+bool offsets_stand(const Camera& lens, const Pose& cam_from_board, const View& view, double* moved)
+{
+    constexpr std::size_t kLooks = 8;
+    constexpr double kStandPx = 0.25 * kOffsetSettledPx;
+    *moved = 0.0;
+    const std::size_t step = std::max<std::size_t>(1, view.points.size() / kLooks);
+    for (std::size_t i = 0; i < view.points.size() && *moved < kStandPx; i += step) {
+        const ViewPoint& point = view.points[i];
+        const Eigen::Vector2d offset = circle_centre_offset(lens, cam_from_board, point.at_mm,
+                                                            static_cast<double>(point.radius_mm));
+        *moved = std::max(*moved, (offset - point.centre_offset_px.cast<double>()).norm());
+    }
+    return *moved < kStandPx;
+}
+
 }  // namespace
 
 double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views)
@@ -96,6 +113,9 @@ double update_centre_offsets(const RigState& state, int threads, std::vector<Vie
         View& view = (*views)[i];
         const Pose pose = cam_from_board(state, view);
         const Camera& lens = state.lenses[static_cast<std::size_t>(view.camera)];
+        if (offsets_stand(lens, pose, view, &largest[i])) {
+            return;
+        }
         for (ViewPoint& point : view.points) {
             if (point.radius_mm > 0.0f) {
                 const Eigen::Vector2f offset =
