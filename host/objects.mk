@@ -41,6 +41,7 @@ host_SRC := \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \
   host/solve/views.cc \
+  host/report/covariance_json.cc \
   host/report/export.cc \
   host/report/export_opencv.cc \
   host/report/picture.cc \

@@ -51,6 +51,11 @@ test-programs-light: $(unit_BIN) $(gather_BIN)
 unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
 	@$(PYTHON) tests/run_units.py $^
 
+## error-bars: 3000 simulated solves against the covariance that each reports
+.PHONY: error-bars
+error-bars: $O/tests/unit_host/test_uncertainty
+	@TESSERA_DRAWS=3000 $<
+
 ## sanitize: the C core, the device's edge, wire, socket and journal under ASan and UBSan
 .PHONY: sanitize
 sanitize:

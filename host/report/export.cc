@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "common/version.h"
+#include "host/report/covariance_json.h"
 
 namespace rig {
 namespace {
@@ -98,6 +99,17 @@ ordered_json frames_json(const Scene& scene, const Solution& solution)
     return frames;
 }
 
+ordered_json all_covariance(const Scene& scene, const Solution& solution)
+{
+    std::vector<NamedLens> cameras;
+    std::vector<std::size_t> order;
+    for (const int camera : solution.cameras) {
+        order.push_back(static_cast<std::size_t>(camera));
+        cameras.push_back({scene.cameras[order.back()].name, &solution.state.lenses[order.back()]});
+    }
+    return covariance_json(solution.covariance, cameras, order);
+}
+
 }  // namespace
 
 ordered_json rig_json(const Scene& scene, const Solution& solution, const Statistics& statistics,
@@ -117,6 +129,7 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
         out["cameras"].push_back(
             camera_json(scene.cameras[camera], solution, camera, statistics.cameras[i]));
     }
+    out["covariance"] = all_covariance(scene, solution);
     out["boards"] = ordered_json::array();
     for (const Board& board : scene.boards) {
         out["boards"].push_back({{"name", board.name}, {"surface", nullptr}});
@@ -131,6 +144,28 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
                       {"command", origin.command},
                       {"inputs", inputs}};
     return out;
+}
+
+std::string rig_text(const ordered_json& rig)
+{
+    if (!rig.contains("covariance")) {
+        return rig.dump(2) + "\n";
+    }
+    ordered_json frame = rig;
+    ordered_json lower;
+    std::swap(lower, frame["covariance"]["lower"]);
+    std::string text = frame.dump(2) + "\n";
+    std::string rows = "[";
+    std::size_t in_row = 0;
+    std::size_t row = 0;
+    for (std::size_t i = 0; i < lower.size(); ++i) {
+        rows += (i == 0 ? "\n" : in_row == 0 ? ",\n" : ",") + lower[i].dump();
+        in_row = in_row == row ? 0 : in_row + 1;
+        row += in_row == 0 ? 1 : 0;
+    }
+    // Inside of a JSON string a quotation mark has a backslash before it, so this is the key.
+    const std::string key = "\"lower\": ";
+    return text.replace(text.find(key + "null") + key.size(), 4, rows + "]");
 }
 
 }  // namespace rig

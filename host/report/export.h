@@ -17,4 +17,7 @@ struct Origin {
 nlohmann::ordered_json rig_json(const Scene& scene, const Solution& solution,
                                 const Statistics& statistics, const Origin& origin);
 
+// As it is written: indented, but the covariance in one line a row.
+std::string rig_text(const nlohmann::ordered_json& rig);
+
 }  // namespace rig

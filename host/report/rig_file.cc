@@ -4,6 +4,8 @@
 #include <cmath>
 #include <fstream>
 
+#include "host/report/covariance_json.h"
+
 namespace rig {
 namespace {
 
@@ -104,6 +106,18 @@ Result<RigFile> read_rig_file(const std::string& path)
             return camera.status();
         }
         rig.cameras.push_back(camera.value());
+    }
+    if (rig.json.contains("covariance")) {
+        std::vector<NamedLens> lenses;
+        for (const RigCamera& camera : rig.cameras) {
+            lenses.push_back({camera.name, &camera.lens});
+        }
+        Result<RigCovariance> covariance =
+            read_covariance_json(rig.json["covariance"], lenses, path + ": covariance");
+        if (!covariance.ok()) {
+            return covariance.status();
+        }
+        rig.covariance = std::move(covariance.value());
     }
     return rig;
 }

@@ -3,9 +3,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include <optional>
+
 #include "host/base/pose.h"
 #include "host/base/status.h"
 #include "host/model/camera.h"
+#include "host/solve/covariance.h"
 
 namespace rig {
 
@@ -19,6 +22,7 @@ struct RigCamera {
 
 struct RigFile {
     std::vector<RigCamera> cameras;
+    std::optional<RigCovariance> covariance;  // by `cameras`
     nlohmann::ordered_json json;  // all of it
 };
 

@@ -89,7 +89,7 @@ Status write_result(const SolveArguments& arguments, const Scene& scene, const S
     if (!summary.ok()) {
         return summary.status();
     }
-    Status status = write_whole_file((folder / "rig.json").string(), rig.dump(2) + "\n");
+    Status status = write_whole_file((folder / "rig.json").string(), rig_text(rig));
     if (status.ok()) {
         status = write_whole_file((folder / "summary.txt").string(), summary.value());
     }

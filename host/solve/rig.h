@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "host/base/status.h"
+#include "host/solve/covariance.h"
 #include "host/solve/intrinsics.h"
 #include "host/solve/robust.h"
 
@@ -32,6 +33,7 @@ struct Solution {
     RigState state;                // indexed by scene camera
     std::vector<double> noise_factor;      // by scene camera
     std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
+    RigCovariance covariance;      // of all of them together, scaled alike; by scene camera
 };
 
 bool is_gauge(const Solution& solution, int camera);

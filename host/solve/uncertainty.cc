@@ -1,10 +1,17 @@
 // The information matrix of everything is [A B; B' C] with lenses and camera poses in A and board
 // poses, block by block, in C. What remains for the first when the second are free is the Schur
 // complement S = A - B C^-1 B', and its inverse is their covariance.
+//
+// Given the first, a; board pose i is c_i = -C_i^-1 B_i' a + e_i with cov e_i = C_i^-1, independent of a.
+// The mean of the boards' motions weighted by C_i, m = (sum C)^-1 sum C_i c_i, is then K a + e with
+// K = -(sum C)^-1 sum B_i' and cov e = (sum C)^-1: the joint covariance of a and m is
+// [S^-1, S^-1 K'; K S^-1, K S^-1 K' + (sum C)^-1]. All motions are twists in the rig frame, so that they
+// can be summed.
 #include "host/solve/uncertainty.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include <cmath>
@@ -22,30 +29,72 @@ constexpr double kEigenvalueMin = 1e-14;
 // recording do not make it a good one.
 constexpr double kNoiseMinPx = 0.02;
 
-
-// One view's part in the Schur complement, gathered by board pose.
+// What the views of one board pose say: B, and C's block.
 struct PosePart {
-    Eigen::MatrixXd across;  // B: rows of A by 6
+    Eigen::MatrixXd across;  // rows of A by 6
     Eigen::Matrix<double, 6, 6> own = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
-}  // namespace
+struct Information {
+    Eigen::MatrixXd schur;                  // S
+    Eigen::Matrix<double, 6, 6> motion;     // sum of C, as twists
+    Eigen::MatrixXd motion_across;          // sum of B, as twists
+};
 
-RigCovariance rig_covariance(const Solution& solution)
+RigCovariance lay_out(const Solution& solution)
 {
-    const RigState& state = solution.state;
     RigCovariance out;
-    out.offset.assign(state.lenses.size(), -1);
-    Eigen::Index size = 0;
+    out.lens.assign(solution.state.lenses.size(), -1);
+    out.pose.assign(solution.state.lenses.size(), -1);
+    out.motion = 0;
     for (const int camera : solution.cameras) {
         const auto c = static_cast<std::size_t>(camera);
-        out.offset[c] = size;
-        size += static_cast<Eigen::Index>(state.lenses[c].intrinsics.size())
-                + (is_gauge(solution, camera) ? 0 : 6);
+        out.lens[c] = out.motion;
+        out.motion += static_cast<Eigen::Index>(solution.state.lenses[c].intrinsics.size());
+        if (!is_gauge(solution, camera)) {
+            out.pose[c] = out.motion;
+            out.motion += 6;
+        }
     }
-    const Eigen::Index members = size;
-    size += 6 * static_cast<Eigen::Index>(state.body_from_board.size());
-    Eigen::MatrixXd schur = Eigen::MatrixXd::Zero(size, size);
+    return out;
+}
+
+// Change of a pose's six numbers by a twist (w, d) in the rig frame: p becomes p + w x p + d.
+Eigen::Matrix<double, 6, 6> six_by_twist(const Vector6& six)
+{
+    Eigen::Matrix<double, 6, 6> out = Eigen::Matrix<double, 6, 6>::Identity();
+    const Eigen::Vector3d vector = six.head<3>();
+    out.topLeftCorner<3, 3>() = rotation_right_jacobian(-vector).inverse();
+    out.bottomLeftCorner<3, 3>() = -skew(six.tail<3>());
+    return out;
+}
+
+// Adds what one view says. `at` is the row of its camera's lens, `own` how many rows the camera has,
+// `member` the row of its board's place on its body, below 0 where it has none.
+void add_view(const Eigen::MatrixXd& normal, Eigen::Index lens_count, Eigen::Index at, Eigen::Index own,
+              Eigen::Index member, Eigen::MatrixXd* schur, PosePart* part)
+{
+    const Eigen::Index body = lens_count + 6;
+    schur->block(at, at, own, own) += normal.topLeftCorner(own, own);
+    part->across.middleRows(at, own) += normal.block(0, body, own, 6);
+    part->own += normal.block<6, 6>(body, body);
+    if (member >= 0) {
+        const Eigen::MatrixXd by_lens = normal.block(0, body + 6, own, 6);
+        schur->block(at, member, own, 6) += by_lens;
+        schur->block(member, at, 6, own) += by_lens.transpose();
+        schur->block<6, 6>(member, member) += normal.block<6, 6>(body + 6, body + 6);
+        part->across.middleRows<6>(member) += normal.block<6, 6>(body + 6, body);
+    }
+}
+
+// `places` gives the rows, its matrix is not read; behind them stand the places of boards on bodies.
+Information gather(const Solution& solution, const RigCovariance& places)
+{
+    const RigState& state = solution.state;
+    const Eigen::Index size =
+        places.motion + 6 * static_cast<Eigen::Index>(state.body_from_board.size());
+    Information out;
+    out.schur = Eigen::MatrixXd::Zero(size, size);
     std::map<std::size_t, PosePart> parts;
     for (const View& view : solution.set.views) {
         const auto c = static_cast<std::size_t>(view.camera);
@@ -53,40 +102,69 @@ RigCovariance rig_covariance(const Solution& solution)
         if (!local_quadratic(view, state.lenses[c], cam_from_board(state, view), 0.0, true, &quadratic)) {
             continue;
         }
-        const Eigen::MatrixXd normal = chain_normal(quadratic, chain_of(state, view));
-        const auto lens_count = static_cast<Eigen::Index>(state.lenses[c].intrinsics.size());
-        const Eigen::Index own = lens_count + (is_gauge(solution, view.camera) ? 0 : 6);
-        const Eigen::Index body = lens_count + 6;
         PosePart& part = parts[view.pose];
         if (part.across.size() == 0) {
             part.across = Eigen::MatrixXd::Zero(size, 6);
         }
-        schur.block(out.offset[c], out.offset[c], own, own) += normal.topLeftCorner(own, own);
-        part.across.middleRows(out.offset[c], own) += normal.block(0, body, own, 6);
-        part.own += normal.block<6, 6>(body, body);
-        if (view.member != kNoMember) {
-            const Eigen::Index at = members + 6 * view.member;
-            const Eigen::MatrixXd by_lens = normal.block(0, body + 6, own, 6);
-            schur.block(out.offset[c], at, own, 6) += by_lens;
-            schur.block(at, out.offset[c], 6, own) += by_lens.transpose();
-            schur.block<6, 6>(at, at) += normal.block<6, 6>(body + 6, body + 6);
-            part.across.middleRows<6>(at) += normal.block<6, 6>(body + 6, body);
-        }
+        const auto lens_count = static_cast<Eigen::Index>(state.lenses[c].intrinsics.size());
+        add_view(chain_normal(quadratic, chain_of(state, view)), lens_count, places.lens[c],
+                 lens_count + (places.pose[c] < 0 ? 0 : 6),
+                 view.member == kNoMember ? -1 : places.motion + 6 * view.member, &out.schur, &part);
     }
+    out.motion.setZero();
+    out.motion_across = Eigen::MatrixXd::Zero(size, 6);
     for (const auto& [pose, part] : parts) {
         if (part.own.norm() > 0.0) {
-            schur.noalias() -= part.across * part.own.ldlt().solve(part.across.transpose());
+            out.schur.noalias() -= part.across * part.own.ldlt().solve(part.across.transpose());
+            const Eigen::Matrix<double, 6, 6> twist = six_by_twist(state.rig_from_body[pose]);
+            out.motion += twist.transpose() * part.own * twist;
+            out.motion_across += part.across * twist;
         }
     }
-    const Eigen::VectorXd scale = schur.diagonal().unaryExpr(
+    return out;
+}
+
+Eigen::MatrixXd invert(const Eigen::MatrixXd& information)
+{
+    const Eigen::VectorXd scale = information.diagonal().unaryExpr(
         [](double d) { return d > 0.0 ? 1.0 / std::sqrt(d) : 1.0; });
-    const Eigen::MatrixXd equilibrated = scale.asDiagonal() * schur * scale.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equilibrated);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information
+                                                               * scale.asDiagonal());
     const Eigen::MatrixXd inverse =
         eigen.eigenvectors()
         * eigen.eigenvalues().cwiseMax(kEigenvalueMin).cwiseInverse().asDiagonal()
         * eigen.eigenvectors().transpose();
-    out.matrix = scale.asDiagonal() * inverse * scale.asDiagonal();
+    return scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+}  // namespace
+
+RigCovariance rig_covariance(const Solution& solution)
+{
+    RigCovariance out = lay_out(solution);
+    const Information information = gather(solution, out);
+    const Eigen::Index own = out.motion;
+    const Eigen::MatrixXd covariance = invert(information.schur);
+    const auto motion = information.motion.ldlt();
+    const Eigen::MatrixXd follow = -motion.solve(information.motion_across.transpose());
+    out.matrix.resize(own + 6, own + 6);
+    out.matrix.topLeftCorner(own, own) = covariance.topLeftCorner(own, own);
+    out.matrix.bottomLeftCorner(6, own) = (follow * covariance).leftCols(own);
+    out.matrix.topRightCorner(own, 6) = out.matrix.bottomLeftCorner(6, own).transpose();
+    out.matrix.bottomRightCorner<6, 6>() =
+        follow * covariance * follow.transpose() + motion.solve(Eigen::MatrixXd::Identity(6, 6));
+    // A change d of a rotation vector turns the camera by the left Jacobian times d.
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        if (out.pose[c] >= 0) {
+            const Eigen::Vector3d vector = solution.state.cam_from_rig[c].head<3>();
+            const Eigen::Matrix3d left = rotation_right_jacobian(-vector);
+            out.matrix.middleRows<3>(out.pose[c]) = (left * out.matrix.middleRows<3>(out.pose[c])).eval();
+            out.matrix.middleCols<3>(out.pose[c]) =
+                (out.matrix.middleCols<3>(out.pose[c]) * left.transpose()).eval();
+        }
+    }
+    out.matrix = (0.5 * (out.matrix + out.matrix.transpose())).eval();
     return out;
 }
 
@@ -98,24 +176,21 @@ Status estimate_uncertainty(const Scene& scene, Solution* solution)
             "is tilted by 20 to 45 degrees, about different axes, at different distances",
             scene.cameras[static_cast<std::size_t>(camera)].name, how));
     };
-    const RigCovariance covariance = rig_covariance(*solution);
-    solution->uncertainty.assign(scene.cameras.size(), {});
     double factor = 1.0;
     for (const int camera : solution->cameras) {
         factor = std::max(factor, solution->noise_factor[static_cast<std::size_t>(camera)]);
     }
+    solution->covariance = rig_covariance(*solution);
+    solution->covariance.matrix *= factor * factor;
+    const Eigen::VectorXd deviation =
+        solution->covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
+    solution->uncertainty.assign(scene.cameras.size(), {});
     for (const int camera : solution->cameras) {
         const auto c = static_cast<std::size_t>(camera);
         const Camera& lens = solution->state.lenses[c];
-        const auto count = static_cast<Eigen::Index>(lens.intrinsics.size());
-        const Eigen::Index at = covariance.offset[c];
-        const auto deviation = [&](Eigen::Index row) {
-            return factor * std::sqrt(std::max(0.0, covariance.matrix(row, row)));
-        };
+        const double* own = deviation.data() + solution->covariance.lens[c];
         CameraUncertainty& out = solution->uncertainty[c];
-        for (Eigen::Index i = 0; i < count; ++i) {
-            out.intrinsics.push_back(deviation(at + i));
-        }
+        out.intrinsics.assign(own, own + lens.intrinsics.size());
         // The smallest sigma of the camera's points raised to the floor scales what is asked here.
         double sigma_px = HUGE_VAL;
         for (const View& view : solution->set.views) {
@@ -131,16 +206,9 @@ Status estimate_uncertainty(const Scene& scene, Solution* solution)
                                                                  100.0 * part)
                                                    : "nothing tells its focal length");
         }
-        if (!is_gauge(*solution, camera)) {
-            // A change d of the rotation vector turns the camera by the left Jacobian times d.
-            const Eigen::Vector3d vector = solution->state.cam_from_rig[c].head<3>();
-            const Eigen::Matrix3d left = rotation_right_jacobian(-vector);
-            const Eigen::Matrix3d turn =
-                left * covariance.matrix.block<3, 3>(at + count, at + count) * left.transpose();
-            out.rotation_rad = factor * turn.diagonal().cwiseMax(0.0).cwiseSqrt();
-            for (Eigen::Index i = 0; i < 3; ++i) {
-                out.translation_mm[i] = deviation(at + count + 3 + i);
-            }
+        if (solution->covariance.pose[c] >= 0) {
+            out.rotation_rad = deviation.segment<3>(solution->covariance.pose[c]);
+            out.translation_mm = deviation.segment<3>(solution->covariance.pose[c] + 3);
         }
     }
     return Status();

@@ -1,0 +1,110 @@
+// A small rig with known truth for tests of what the solver says about its own errors: three Brown
+// cameras of 640 x 480 on an arc, a board of 8 x 6 points, 15 poses. Points, not circles, so that the
+// projection is the whole model.
+#pragma once
+
+#include <random>
+
+#include "host/solve/bundle.h"
+#include "host/solve/rig.h"
+
+namespace small_rig {
+
+constexpr int kCameras = 3;
+constexpr int kPoses = 15;
+constexpr double kNoisePx = 0.05;
+
+inline rig::Scene scene()
+{
+    rig::Scene out;
+    for (int c = 0; c < kCameras; ++c) {
+        out.cameras.push_back({"cam" + std::to_string(c), 640, 480});
+    }
+    out.boards.emplace_back();
+    out.boards.back().name = "a";
+    return out;
+}
+
+inline rig::RigState truth(std::mt19937* random)
+{
+    std::uniform_real_distribution<double> unit(-1.0, 1.0);
+    rig::RigState state;
+    for (int c = 0; c < kCameras; ++c) {
+        state.lenses.push_back({rig::CameraModel::kBrown,
+                                {500.0 + 20.0 * c, 502.0 + 20.0 * c, 321.0 - c, 238.0 + 2.0 * c, -0.2,
+                                 0.06, 4e-4, -3e-4, -0.01}});
+        rig::Vector6 pose;
+        pose << 0.02 * c, 0.14 * c, 0.01 * c, -260.0 * c, 10.0 * c, 15.0 * c;
+        state.cam_from_rig.push_back(pose);
+    }
+    for (int i = 0; i < kPoses; ++i) {
+        rig::Vector6 pose;
+        const double depth = 1000.0 + 500.0 * unit(*random);
+        pose << 0.6 * unit(*random), 0.6 * unit(*random), 0.4 * unit(*random),
+            -175.0 + 120.0 + 250.0 * unit(*random), -125.0 + 180.0 * unit(*random), depth;
+        state.rig_from_body.push_back(pose);
+    }
+    return state;
+}
+
+// Every point that has an image; observed where it projects, with sigma_px known to be kNoisePx.
+inline rig::ViewSet views(const rig::RigState& state)
+{
+    rig::ViewSet set;
+    for (std::size_t i = 0; i < state.rig_from_body.size(); ++i) {
+        set.poses.push_back({0, static_cast<std::int64_t>(i)});
+    }
+    for (int c = 0; c < kCameras; ++c) {
+        const auto camera = static_cast<std::size_t>(c);
+        for (std::size_t i = 0; i < set.poses.size(); ++i) {
+            rig::View view;
+            view.camera = c;
+            view.frame = static_cast<std::int64_t>(i);
+            view.pose = i;
+            const rig::Pose cam_from_board =
+                rig::pose_exp(state.cam_from_rig[camera]) * rig::pose_exp(state.rig_from_body[i]);
+            for (int k = 0; k < 48; ++k) {
+                rig::ViewPoint point;
+                point.at_mm = {50.0 * (k % 8), 50.0 * (k / 8), 0.0};
+                point.pixel = state.lenses[camera].project(cam_from_board * point.at_mm);
+                point.sigma_px = static_cast<float>(kNoisePx);
+                point.sigma_known = true;
+                const Eigen::Vector2d& at = point.pixel;
+                if (at.x() > 0.0 && at.x() < 639.0 && at.y() > 0.0 && at.y() < 479.0) {
+                    view.points.push_back(point);
+                }
+            }
+            if (view.points.size() >= rig::kViewPointsMin) {
+                set.views.push_back(view);
+            }
+        }
+    }
+    return set;
+}
+
+inline void add_noise(std::mt19937* random, std::vector<rig::View>* views)
+{
+    std::normal_distribution<double> normal(0.0, kNoisePx);
+    for (rig::View& view : *views) {
+        for (rig::ViewPoint& point : view.points) {
+            point.pixel.x() += normal(*random);
+            point.pixel.y() += normal(*random);
+        }
+    }
+}
+
+// The joint solution of observations, started at `start`.
+inline rig::Solution solve(const rig::ViewSet& set, const rig::RigState& start)
+{
+    rig::Solution solution;
+    solution.cameras = {0, 1, 2};
+    solution.gauge_cameras = {0};
+    solution.part_of_camera.assign(kCameras, 0);
+    solution.set = set;
+    solution.state = start;
+    solution.noise_factor.assign(kCameras, 1.0);
+    rig::bundle(solution.set.views, rig::BundleOptions(), &solution.state);
+    return solution;
+}
+
+}  // namespace small_rig

@@ -1,0 +1,167 @@
+// The covariance against the errors of repeated solves with known truth.
+// TESSERA_DRAWS: how many; 60 where not given.
+#include "host/solve/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "host/solve/residuals.h"
+#include "tests/unit_host/small_rig.h"
+#include "unity.h"
+
+using namespace rig;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+int draws()
+{
+    const char* text = std::getenv("TESSERA_DRAWS");
+    return text != nullptr ? std::atoi(text) : 60;
+}
+
+// Motion from b to a on the left: exp(w) R_b = R_a, d = t_a - t_b.
+Vector6 left_motion(const Vector6& a, const Vector6& b)
+{
+    Vector6 out;
+    out << rotation_log(pose_exp(a).rotation * pose_exp(b).rotation.transpose()), a.tail<3>() - b.tail<3>();
+    return out;
+}
+
+// The boards' motion from truth to solution, weighted by information, the slow way: from all points'
+// derivatives by differences of a motion of the world.
+Vector6 boards_motion(const Solution& found, const RigState& truth)
+{
+    Eigen::Matrix<double, 6, 6> weights = Eigen::Matrix<double, 6, 6>::Zero();
+    Vector6 sum = Vector6::Zero();
+    for (const View& view : found.set.views) {
+        const auto c = static_cast<std::size_t>(view.camera);
+        Eigen::VectorXd residuals;
+        Eigen::MatrixXd slope(2 * static_cast<Eigen::Index>(view.points.size()), 6);
+        const Pose board = pose_exp(found.state.rig_from_board[view.pose]);
+        for (int k = 0; k < 6; ++k) {
+            Eigen::VectorXd ahead;
+            Eigen::VectorXd behind;
+            // 1e-5 rad at 1 m is 0.01 mm; a step of 0.01 mm likewise: pixels change by 5e-3.
+            const Vector6 step = (k < 3 ? 1e-5 : 1e-2) * Vector6::Unit(k);
+            for (const auto& [side, out] : {std::pair(1.0, &ahead), std::pair(-1.0, &behind)}) {
+                const Vector6 six = pose_log(pose_exp(side * step) * board);
+                TEST_ASSERT_TRUE(view_residuals(view, found.state.lenses[c].model,
+                                                found.state.lenses[c].intrinsics.data(),
+                                                found.state.cam_from_rig[c].data(), six.data(), out,
+                                                nullptr));
+            }
+            slope.col(k) = (ahead - behind) / (2.0 * step[k]);
+        }
+        const Pose turn = board * inverse(pose_exp(truth.rig_from_board[view.pose]));
+        const Eigen::Matrix<double, 6, 6> weight = slope.transpose() * slope;
+        weights += weight;
+        sum += weight * pose_log(turn);
+    }
+    return weights.ldlt().solve(sum);
+}
+
+Eigen::VectorXd errors_of(const Solution& found, const RigState& truth)
+{
+    const RigCovariance& places = found.covariance;
+    Eigen::VectorXd out(places.motion + 6);
+    for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
+        for (std::size_t i = 0; i < truth.lenses[c].intrinsics.size(); ++i) {
+            out[places.lens[c] + static_cast<Eigen::Index>(i)] =
+                found.state.lenses[c].intrinsics[i] - truth.lenses[c].intrinsics[i];
+        }
+        if (places.pose[c] >= 0) {
+            out.segment<6>(places.pose[c]) =
+                left_motion(found.state.cam_from_rig[c], truth.cam_from_rig[c]);
+        }
+    }
+    out.tail<6>() = boards_motion(found, truth);
+    return out;
+}
+
+// Mean of e' S^-1 e / n over draws; 1 when errors are as large as the covariance says.
+struct Honesty {
+    double sum = 0.0;
+    double dimensions = 0.0;
+    void add(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance)
+    {
+        const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+        const Eigen::MatrixXd even = scale.asDiagonal() * covariance * scale.asDiagonal();
+        const Eigen::VectorXd whitened = scale.cwiseProduct(error);
+        sum += whitened.dot(even.ldlt().solve(whitened));
+        dimensions += static_cast<double>(error.size());
+    }
+    // A chi-square of N degrees over N scatters by sqrt(2 / N): four of these.
+    void check(const char* what) const
+    {
+        const double ratio = sum / dimensions;
+        const double width = 4.0 * std::sqrt(2.0 / dimensions);
+        std::printf("%s: squared error over variance %.4f, expected 1 +- %.4f\n", what, ratio, width);
+        TEST_ASSERT_TRUE_MESSAGE(std::abs(ratio - 1.0) < width, what);
+    }
+};
+
+void errors_of_repeated_solves_are_as_large_as_the_covariance_says()
+{
+    std::mt19937 random(7);
+    const RigState truth = small_rig::truth(&random);
+    const ViewSet clean = small_rig::views(truth);
+    Honesty all;
+    Honesty lenses;
+    Honesty poses;
+    Honesty motion;
+    for (int draw = 0; draw < draws(); ++draw) {
+        ViewSet set = clean;
+        small_rig::add_noise(&random, &set.views);
+        Solution found = small_rig::solve(set, truth);
+        found.covariance = rig_covariance(found);
+        const Eigen::VectorXd error = errors_of(found, truth);
+        const Eigen::MatrixXd& covariance = found.covariance.matrix;
+        all.add(error, covariance);
+        for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
+            const Eigen::Index lens = found.covariance.lens[c];
+            lenses.add(error.segment<9>(lens), covariance.block<9, 9>(lens, lens));
+            const Eigen::Index pose = found.covariance.pose[c];
+            if (pose >= 0) {
+                poses.add(error.segment<6>(pose), covariance.block<6, 6>(pose, pose));
+            }
+        }
+        motion.add(error.tail<6>(), covariance.bottomRightCorner<6, 6>());
+    }
+    all.check("everything");
+    // The cameras' lenses and poses are not independent of one another: the width is a little narrow.
+    lenses.check("lenses");
+    poses.check("poses");
+    motion.check("implied motion");
+}
+
+void deviations_are_scaled_by_the_noise_factor_where_it_is_above_one()
+{
+    std::mt19937 random(8);
+    const RigState truth = small_rig::truth(&random);
+    Solution found = small_rig::solve(small_rig::views(truth), truth);
+    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), &found).ok());
+    const double fx = found.uncertainty[1].intrinsics[0];
+    const double turn = found.uncertainty[1].rotation_rad.x();
+    found.noise_factor = {0.5, 2.0, 1.0};
+    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), &found).ok());
+    TEST_ASSERT_TRUE(std::abs(found.uncertainty[1].intrinsics[0] / (2.0 * fx) - 1.0) < 1e-9);
+    TEST_ASSERT_TRUE(std::abs(found.uncertainty[1].rotation_rad.x() / (2.0 * turn) - 1.0) < 1e-9);
+    const Eigen::Index lens = found.covariance.lens[1];
+    TEST_ASSERT_TRUE(std::abs(std::sqrt(found.covariance.matrix(lens, lens)) / (2.0 * fx) - 1.0) < 1e-9);
+}
+
+}  // namespace
+
+int main()
+{
+    UNITY_BEGIN();
+    RUN_TEST(errors_of_repeated_solves_are_as_large_as_the_covariance_says);
+    RUN_TEST(deviations_are_scaled_by_the_noise_factor_where_it_is_above_one);
+    return UNITY_END();
+}
