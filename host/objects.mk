@@ -42,12 +42,17 @@ host_SRC := \
   host/solve/view_kernel.cc \
   host/solve/views.cc \
   host/report/covariance_json.cc \
+  host/report/error_bars.cc \
   host/report/export.cc \
   host/report/export_opencv.cc \
+  host/report/heat_map.cc \
   host/report/picture.cc \
+  host/report/reach.cc \
   host/report/rig_file.cc \
+  host/report/sensitivity.cc \
   host/report/statistics.cc \
   host/report/summary.cc \
+  host/report/uncertainty_report.cc \
 
 $(eval $(call library,host))
 
@@ -65,5 +70,6 @@ tessera-rig_SRC := \
   host/rig/cmd_project.cc \
   host/rig/cmd_report.cc \
   host/rig/cmd_export.cc \
+  host/rig/cmd_uncertainty.cc \
 
 $(eval $(call program,tessera-rig))

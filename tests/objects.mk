@@ -51,10 +51,10 @@ test-programs-light: $(unit_BIN) $(gather_BIN)
 unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
 	@$(PYTHON) tests/run_units.py $^
 
-## error-bars: 3000 simulated solves against the covariance that each reports
+## error-bars: 2000 simulated solves against the covariance and the error bars in px and mm of each
 .PHONY: error-bars
-error-bars: $O/tests/unit_host/test_uncertainty
-	@TESSERA_DRAWS=3000 $<
+error-bars: $O/tests/unit_host/test_uncertainty $O/tests/unit_host/test_error_bars
+	@for test in $^; do TESSERA_DRAWS=2000 $$test || exit 1; done
 
 ## sanitize: the C core, the device's edge, wire, socket and journal under ASan and UBSan
 .PHONY: sanitize

@@ -78,6 +78,23 @@ ordered_json camera_json(const SceneCamera& known, const Solution& solution, std
     return out;
 }
 
+ordered_json span_json(const Span& span)
+{
+    return {{"least", span.least}, {"median", span.median}, {"most", span.most}};
+}
+
+void add_reach(const Scene& scene, const CameraReach& reach, ordered_json* out)
+{
+    (*out)["distance_mm"] = span_json(reach.distance_mm);
+    (*out)["tilt_deg"] = span_json(reach.tilt_deg);
+    (*out)["tilted_views"] = {
+        {"left", reach.left}, {"right", reach.right}, {"up", reach.up}, {"down", reach.down}};
+    (*out)["shared_views"] = ordered_json::object();
+    for (const auto& [other, count] : reach.shared) {
+        (*out)["shared_views"][scene.cameras[static_cast<std::size_t>(other)].name] = count;
+    }
+}
+
 // Every frame a board was seen in; a static board has the same pose in all of them.
 ordered_json frames_json(const Scene& scene, const Solution& solution)
 {
@@ -128,7 +145,9 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
         const auto camera = static_cast<std::size_t>(solution.cameras[i]);
         out["cameras"].push_back(
             camera_json(scene.cameras[camera], solution, camera, statistics.cameras[i]));
+        add_reach(scene, statistics.reach.cameras[i], &out["cameras"].back());
     }
+    out["volume_mm"] = {{"from", list(statistics.reach.from_mm)}, {"to", list(statistics.reach.to_mm)}};
     out["covariance"] = all_covariance(scene, solution);
     out["boards"] = ordered_json::array();
     for (const Board& board : scene.boards) {

@@ -74,6 +74,12 @@ Result<RigCamera> read_camera(const ordered_json& entry, const std::string& wher
     camera.cam_from_rig.rotation =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.data());
     camera.cam_from_rig.translation_mm = Eigen::Map<const Eigen::Vector3d>(translation.data());
+    const ordered_json distances = entry.value("distance_mm", ordered_json());
+    for (const char* key : {"least", "median", "most"}) {
+        if (distances.is_object() && distances.value(key, 0.0) > 0.0) {
+            camera.distances_mm.push_back(distances[key]);
+        }
+    }
     return camera;
 }
 
@@ -107,6 +113,13 @@ Result<RigFile> read_rig_file(const std::string& path)
         }
         rig.cameras.push_back(camera.value());
     }
+    const ordered_json volume = rig.json.value("volume_mm", ordered_json::object());
+    const auto from = numbers(volume.is_object() ? volume.value("from", ordered_json()) : volume, 3);
+    const auto to = numbers(volume.is_object() ? volume.value("to", ordered_json()) : volume, 3);
+    if (!from.empty() && !to.empty()) {
+        rig.volume_mm.emplace(Eigen::Map<const Eigen::Vector3d>(from.data()),
+                              Eigen::Map<const Eigen::Vector3d>(to.data()));
+    }
     if (rig.json.contains("covariance")) {
         std::vector<NamedLens> lenses;
         for (const RigCamera& camera : rig.cameras) {
@@ -120,6 +133,21 @@ Result<RigFile> read_rig_file(const std::string& path)
         rig.covariance = std::move(covariance.value());
     }
     return rig;
+}
+
+std::vector<Eigen::Vector3d> volume_grid(const RigFile& rig, int per_axis)
+{
+    std::vector<Eigen::Vector3d> out;
+    const int count = rig.volume_mm ? per_axis : 0;
+    for (int i = 0; i < count; ++i) {
+        for (int j = 0; j < count; ++j) {
+            for (int k = 0; k < count; ++k) {
+                const Eigen::Vector3d part = Eigen::Vector3d(i, j, k) / (per_axis - 1.0);
+                out.push_back(rig.volume_mm->min() + part.cwiseProduct(rig.volume_mm->sizes()));
+            }
+        }
+    }
+    return out;
 }
 
 Result<RigCamera> find_camera(const RigFile& rig, const std::string& name)

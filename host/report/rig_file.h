@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <Eigen/Geometry>
 #include <optional>
 
 #include "host/base/pose.h"
@@ -18,16 +19,21 @@ struct RigCamera {
     int height_px = 0;
     Camera lens;
     Pose cam_from_rig;
+    std::vector<double> distances_mm;  // of the points that it was calibrated from: least, median, most
 };
 
 struct RigFile {
     std::vector<RigCamera> cameras;
     std::optional<RigCovariance> covariance;  // by `cameras`
+    std::optional<Eigen::AlignedBox3d> volume_mm;  // around the points it was calibrated from
     nlohmann::ordered_json json;  // all of it
 };
 
 // Fails with a sentence that names the file and the key at fault.
 Result<RigFile> read_rig_file(const std::string& path);
+
+// Grid of per_axis^3 points over the volume, faces included; empty when the file does not tell it.
+std::vector<Eigen::Vector3d> volume_grid(const RigFile& rig, int per_axis);
 
 // The camera of this name, or fails with a sentence that lists those there are.
 Result<RigCamera> find_camera(const RigFile& rig, const std::string& name);

@@ -139,6 +139,7 @@ Statistics make_statistics(const Scene& scene, const Solution& solution)
         out.cameras.push_back(own);
     }
     out.rig = all.result();
+    out.reach = make_reach(solution);
     return out;
 }
 

@@ -2,6 +2,7 @@
 // there were points.
 #pragma once
 
+#include "host/report/reach.h"
 #include "host/solve/rig.h"
 
 namespace rig {
@@ -33,6 +34,7 @@ struct CameraStatistics {
 struct Statistics {
     LengthStatistics rig;
     std::vector<CameraStatistics> cameras;        // in the order of Solution::cameras
+    Reach reach;
     std::map<std::string, std::size_t> rejected;  // observations by reason, all of them
 };
 

@@ -14,6 +14,7 @@ void add_solve(CLI::App& app);
 void add_project(CLI::App& app);
 void add_unproject(CLI::App& app);
 void add_report(CLI::App& app);
+void add_uncertainty(CLI::App& app);
 void add_export(CLI::App& app);
 
 // Ends a subcommand's callback: a failure's sentence goes to standard error, and the exit status

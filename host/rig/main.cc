@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
     rig::add_journal(app);
     rig::add_solve(app);
     rig::add_report(app);
+    rig::add_uncertainty(app);
     rig::add_export(app);
     rig::add_project(app);
     rig::add_unproject(app);

@@ -3,10 +3,14 @@
 // projection is the whole model.
 #pragma once
 
+#include <Eigen/Cholesky>
+#include <cstdlib>
 #include <random>
 
 #include "host/solve/bundle.h"
+#include "host/solve/residuals.h"
 #include "host/solve/rig.h"
+#include "unity.h"
 
 namespace small_rig {
 
@@ -105,6 +109,54 @@ inline rig::Solution solve(const rig::ViewSet& set, const rig::RigState& start)
     solution.noise_factor.assign(kCameras, 1.0);
     rig::bundle(solution.set.views, rig::BundleOptions(), &solution.state);
     return solution;
+}
+
+// How many simulated solves to make.
+inline int draws()
+{
+    const char* text = std::getenv("TESSERA_DRAWS");
+    return text != nullptr ? std::atoi(text) : 60;
+}
+
+// Motion from b to a on the left: exp(w) R_b = R_a, d = t_a - t_b.
+inline rig::Vector6 left_motion(const rig::Vector6& a, const rig::Vector6& b)
+{
+    rig::Vector6 out;
+    out << rig::rotation_log(rig::pose_exp(a).rotation * rig::pose_exp(b).rotation.transpose()), a.tail<3>() - b.tail<3>();
+    return out;
+}
+
+// The boards' motion from truth to solution, weighted by information, the slow way: from all points'
+// derivatives by differences of a motion of the world.
+inline rig::Vector6 boards_motion(const rig::Solution& found, const rig::RigState& truth)
+{
+    Eigen::Matrix<double, 6, 6> weights = Eigen::Matrix<double, 6, 6>::Zero();
+    rig::Vector6 sum = rig::Vector6::Zero();
+    for (const rig::View& view : found.set.views) {
+        const auto c = static_cast<std::size_t>(view.camera);
+        Eigen::VectorXd residuals;
+        Eigen::MatrixXd slope(2 * static_cast<Eigen::Index>(view.points.size()), 6);
+        const rig::Pose board = rig::pose_exp(found.state.rig_from_board[view.pose]);
+        for (int k = 0; k < 6; ++k) {
+            Eigen::VectorXd ahead;
+            Eigen::VectorXd behind;
+            // 1e-5 rad at 1 m is 0.01 mm; a step of 0.01 mm likewise: pixels change by 5e-3.
+            const rig::Vector6 step = (k < 3 ? 1e-5 : 1e-2) * rig::Vector6::Unit(k);
+            for (const auto& [side, out] : {std::pair(1.0, &ahead), std::pair(-1.0, &behind)}) {
+                const rig::Vector6 six = rig::pose_log(rig::pose_exp(side * step) * board);
+                TEST_ASSERT_TRUE(rig::view_residuals(view, found.state.lenses[c].model,
+                                                found.state.lenses[c].intrinsics.data(),
+                                                found.state.cam_from_rig[c].data(), six.data(), out,
+                                                nullptr));
+            }
+            slope.col(k) = (ahead - behind) / (2.0 * step[k]);
+        }
+        const rig::Pose turn = board * rig::inverse(rig::pose_exp(truth.rig_from_board[view.pose]));
+        const Eigen::Matrix<double, 6, 6> weight = slope.transpose() * slope;
+        weights += weight;
+        sum += weight * rig::pose_log(turn);
+    }
+    return weights.ldlt().solve(sum);
 }
 
 }  // namespace small_rig

@@ -6,9 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 
-#include "host/solve/residuals.h"
 #include "tests/unit_host/small_rig.h"
 #include "unity.h"
 
@@ -18,53 +16,6 @@ void setUp() {}
 void tearDown() {}
 
 namespace {
-
-int draws()
-{
-    const char* text = std::getenv("TESSERA_DRAWS");
-    return text != nullptr ? std::atoi(text) : 60;
-}
-
-// Motion from b to a on the left: exp(w) R_b = R_a, d = t_a - t_b.
-Vector6 left_motion(const Vector6& a, const Vector6& b)
-{
-    Vector6 out;
-    out << rotation_log(pose_exp(a).rotation * pose_exp(b).rotation.transpose()), a.tail<3>() - b.tail<3>();
-    return out;
-}
-
-// The boards' motion from truth to solution, weighted by information, the slow way: from all points'
-// derivatives by differences of a motion of the world.
-Vector6 boards_motion(const Solution& found, const RigState& truth)
-{
-    Eigen::Matrix<double, 6, 6> weights = Eigen::Matrix<double, 6, 6>::Zero();
-    Vector6 sum = Vector6::Zero();
-    for (const View& view : found.set.views) {
-        const auto c = static_cast<std::size_t>(view.camera);
-        Eigen::VectorXd residuals;
-        Eigen::MatrixXd slope(2 * static_cast<Eigen::Index>(view.points.size()), 6);
-        const Pose board = pose_exp(found.state.rig_from_board[view.pose]);
-        for (int k = 0; k < 6; ++k) {
-            Eigen::VectorXd ahead;
-            Eigen::VectorXd behind;
-            // 1e-5 rad at 1 m is 0.01 mm; a step of 0.01 mm likewise: pixels change by 5e-3.
-            const Vector6 step = (k < 3 ? 1e-5 : 1e-2) * Vector6::Unit(k);
-            for (const auto& [side, out] : {std::pair(1.0, &ahead), std::pair(-1.0, &behind)}) {
-                const Vector6 six = pose_log(pose_exp(side * step) * board);
-                TEST_ASSERT_TRUE(view_residuals(view, found.state.lenses[c].model,
-                                                found.state.lenses[c].intrinsics.data(),
-                                                found.state.cam_from_rig[c].data(), six.data(), out,
-                                                nullptr));
-            }
-            slope.col(k) = (ahead - behind) / (2.0 * step[k]);
-        }
-        const Pose turn = board * inverse(pose_exp(truth.rig_from_board[view.pose]));
-        const Eigen::Matrix<double, 6, 6> weight = slope.transpose() * slope;
-        weights += weight;
-        sum += weight * pose_log(turn);
-    }
-    return weights.ldlt().solve(sum);
-}
 
 Eigen::VectorXd errors_of(const Solution& found, const RigState& truth)
 {
@@ -77,10 +28,10 @@ Eigen::VectorXd errors_of(const Solution& found, const RigState& truth)
         }
         if (places.pose[c] >= 0) {
             out.segment<6>(places.pose[c]) =
-                left_motion(found.state.cam_from_rig[c], truth.cam_from_rig[c]);
+                small_rig::left_motion(found.state.cam_from_rig[c], truth.cam_from_rig[c]);
         }
     }
-    out.tail<6>() = boards_motion(found, truth);
+    out.tail<6>() = small_rig::boards_motion(found, truth);
     return out;
 }
 
@@ -115,7 +66,7 @@ void errors_of_repeated_solves_are_as_large_as_the_covariance_says()
     Honesty lenses;
     Honesty poses;
     Honesty motion;
-    for (int draw = 0; draw < draws(); ++draw) {
+    for (int draw = 0; draw < small_rig::draws(); ++draw) {
         ViewSet set = clean;
         small_rig::add_noise(&random, &set.views);
         Solution found = small_rig::solve(set, truth);
