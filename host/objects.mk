@@ -41,6 +41,9 @@ host_SRC := \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \
   host/solve/views.cc \
+  host/report/compare.cc \
+  host/report/compare_rows.cc \
+  host/report/compare_text.cc \
   host/report/covariance_json.cc \
   host/report/error_bars.cc \
   host/report/export.cc \
@@ -71,5 +74,6 @@ tessera-rig_SRC := \
   host/rig/cmd_report.cc \
   host/rig/cmd_export.cc \
   host/rig/cmd_uncertainty.cc \
+  host/rig/cmd_compare.cc \
 
 $(eval $(call program,tessera-rig))

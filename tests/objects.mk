@@ -53,7 +53,7 @@ unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
 
 ## error-bars: 2000 simulated solves against the covariance and the error bars in px and mm of each
 .PHONY: error-bars
-error-bars: $O/tests/unit_host/test_uncertainty $O/tests/unit_host/test_error_bars
+error-bars: $(patsubst %,$O/tests/unit_host/test_%,uncertainty error_bars compare)
 	@for test in $^; do TESSERA_DRAWS=2000 $$test || exit 1; done
 
 ## sanitize: the C core, the device's edge, wire, socket and journal under ASan and UBSan

@@ -15,6 +15,7 @@ void add_project(CLI::App& app);
 void add_unproject(CLI::App& app);
 void add_report(CLI::App& app);
 void add_uncertainty(CLI::App& app);
+void add_compare(CLI::App& app);
 void add_export(CLI::App& app);
 
 // Ends a subcommand's callback: a failure's sentence goes to standard error, and the exit status

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
     rig::add_solve(app);
     rig::add_report(app);
     rig::add_uncertainty(app);
+    rig::add_compare(app);
     rig::add_export(app);
     rig::add_project(app);
     rig::add_unproject(app);

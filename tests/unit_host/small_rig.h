@@ -7,9 +7,11 @@
 #include <cstdlib>
 #include <random>
 
+#include "host/report/rig_file.h"
 #include "host/solve/bundle.h"
 #include "host/solve/residuals.h"
 #include "host/solve/rig.h"
+#include "host/solve/uncertainty.h"
 #include "unity.h"
 
 namespace small_rig {
@@ -157,6 +159,29 @@ inline rig::Vector6 boards_motion(const rig::Solution& found, const rig::RigStat
         sum += weight * rig::pose_log(turn);
     }
     return weights.ldlt().solve(sum);
+}
+
+// A solution as rig.json gives it back.
+inline rig::RigFile file_of(const rig::RigState& state)
+{
+    rig::RigFile out;
+    for (std::size_t c = 0; c < kCameras; ++c) {
+        out.cameras.push_back({"cam" + std::to_string(c), 640, 480, state.lenses[c],
+                               rig::pose_exp(state.cam_from_rig[c]), {700.0, 1000.0, 1500.0}});
+    }
+    return out;
+}
+
+// A calibration from new observations of a rig whose boards lie as in `state`.
+inline rig::RigFile calibrated(const rig::RigState& state, std::mt19937* random)
+{
+    rig::ViewSet set = views(state);
+    add_noise(random, &set.views);
+    const rig::Solution solution = solve(set, state);
+    rig::RigFile out = file_of(solution.state);
+    out.covariance = rig::rig_covariance(solution);
+    out.volume_mm.emplace(Eigen::Vector3d(-300, -250, 700), Eigen::Vector3d(400, 250, 1500));
+    return out;
 }
 
 }  // namespace small_rig

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "host/solve/uncertainty.h"
 #include "tests/unit_host/small_rig.h"
 
 using namespace rig;
@@ -16,16 +15,6 @@ void setUp() {}
 void tearDown() {}
 
 namespace {
-
-RigFile file_of(const RigState& state)
-{
-    RigFile out;
-    for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
-        out.cameras.push_back({"cam" + std::to_string(c), 640, 480, state.lenses[c],
-                               pose_exp(state.cam_from_rig[c]), {700.0, 1000.0, 1500.0}});
-    }
-    return out;
-}
 
 // Mean of a draw's normalised squared errors over draws. Errors of one draw go together, so the width
 // comes from the scatter between draws: four standard errors.
@@ -124,7 +113,7 @@ void errors_of_repeated_solves_are_as_large_as_the_error_bars_in_pixels_and_mill
 {
     std::mt19937 random(21);
     const RigState state = small_rig::truth(&random);
-    const RigFile truth = file_of(state);
+    const RigFile truth = small_rig::file_of(state);
     const ViewSet clean = small_rig::views(state);
     Tally pixels;
     Tally points;
@@ -132,7 +121,7 @@ void errors_of_repeated_solves_are_as_large_as_the_error_bars_in_pixels_and_mill
         ViewSet set = clean;
         small_rig::add_noise(&random, &set.views);
         const Solution solution = small_rig::solve(set, state);
-        RigFile found = file_of(solution.state);
+        RigFile found = small_rig::file_of(solution.state);
         found.covariance = rig_covariance(solution);
         const Vector6 motion = small_rig::boards_motion(solution, state);
         pixels.add(projection_error(found, truth, motion));
@@ -146,7 +135,7 @@ void noise_of_later_observations_adds_to_what_is_triangulated()
 {
     std::mt19937 random(22);
     const RigState state = small_rig::truth(&random);
-    RigFile rig = file_of(state);
+    RigFile rig = small_rig::file_of(state);
     rig.covariance = rig_covariance(small_rig::solve(small_rig::views(state), state));
     const Eigen::Vector3d at(180, 20, 1000);
     const double alone = triangulation_error(rig, at, 0.0).covariance_mm2.trace();
@@ -163,7 +152,7 @@ void a_point_behind_or_outside_is_seen_by_no_camera()
 {
     std::mt19937 random(23);
     const RigState state = small_rig::truth(&random);
-    RigFile rig = file_of(state);
+    RigFile rig = small_rig::file_of(state);
     rig.covariance = rig_covariance(small_rig::solve(small_rig::views(state), state));
     TEST_ASSERT_EQUAL_INT(0, triangulation_error(rig, {0, 0, -1000}, 0.0).cameras);
     TEST_ASSERT_EQUAL_INT(0, triangulation_error(rig, {3000, 0, 1000}, 0.0).cameras);
