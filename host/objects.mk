@@ -47,8 +47,10 @@ host_SRC := \
   host/report/covariance_json.cc \
   host/report/error_bars.cc \
   host/report/export.cc \
+  host/report/export_formats.cc \
   host/report/export_opencv.cc \
   host/report/heat_map.cc \
+  host/report/nearest_lens.cc \
   host/report/picture.cc \
   host/report/reach.cc \
   host/report/rig_file.cc \

@@ -56,6 +56,18 @@ unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
 error-bars: $(patsubst %,$O/tests/unit_host/test_%,uncertainty error_bars compare)
 	@for test in $^; do TESSERA_DRAWS=2000 $$test || exit 1; done
 
+# Where pycolmap goes: some 100 MB, for one test.
+build/deps/pycolmap:
+	@$(PYTHON) -m pip install -q --no-deps --target $@.part pycolmap==4.2.1
+	@mv $@.part $@
+
+## export-peers: install mrcal (400 MB) and pycolmap, and read every exported format with its owner's library
+.PHONY: export-peers
+export-peers: $(BIN)/tessera-rig
+	@tools/setup/deps.sh build test peers
+	@$(MAKE) --no-print-directory build/deps/pycolmap
+	@$(PYTHON) -m pytest -q -rs tests/system/test_export.py
+
 ## sanitize: the C core, the device's edge, wire, socket and journal under ASan and UBSan
 .PHONY: sanitize
 sanitize:

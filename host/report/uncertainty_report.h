@@ -2,17 +2,13 @@
 #pragma once
 
 #include "host/report/error_bars.h"
+#include "host/report/named_text.h"
 
 namespace rig {
 
 struct UncertaintyOptions {
     std::vector<double> distances_mm;  // from each camera; empty: those it was calibrated at
     double noise_px = 0.0;             // of later observations, in what is triangulated
-};
-
-struct NamedText {
-    std::string name;  // of the file
-    std::string bytes;
 };
 
 struct UncertaintyReport {

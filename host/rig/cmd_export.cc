@@ -1,8 +1,10 @@
 // tessera-rig export: the result in the formats of others.
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "host/base/whole_file.h"
-#include "host/report/export_opencv.h"
+#include "host/report/export_formats.h"
 #include "host/rig/commands.h"
 
 namespace rig {
@@ -12,15 +14,43 @@ struct ExportArguments {
     std::string rig;
     std::string format;
     std::string out;
+    bool approximate = false;
 };
 
-Status export_rig(const ExportArguments& arguments)
+Status write_all(const std::vector<NamedText>& files, const std::string& out)
+{
+    for (const NamedText& file : files) {
+        std::error_code fault;
+        if (!file.name.empty() && !std::filesystem::create_directories(out, fault) && fault) {
+            return Status::failure("cannot make folder " + out + ": " + fault.message());
+        }
+        const std::filesystem::path path(out);
+        const Status status =
+            write_whole_file((file.name.empty() ? path : path / file.name).string(), file.bytes);
+        if (!status.ok()) {
+            return status;
+        }
+    }
+    return Status();
+}
+
+Status export_one(const ExportArguments& arguments)
 {
     Result<RigFile> rig = read_rig_file(arguments.rig);
     if (!rig.ok()) {
         return rig.status();
     }
-    return write_whole_file(arguments.out, opencv_yaml(rig.value()));
+    const Result<ExportResult> result = export_rig(rig.value(), arguments.format, arguments.approximate);
+    if (!result.ok()) {
+        return result.status();
+    }
+    const Status status = write_all(result.value().files, arguments.out);
+    for (const std::string& note : result.value().notes) {
+        if (status.ok()) {
+            std::fprintf(stderr, "note: %s\n", note.c_str());
+        }
+    }
+    return status;
 }
 
 }  // namespace
@@ -30,11 +60,19 @@ void add_export(CLI::App& app)
     auto arguments = std::make_shared<ExportArguments>();
     CLI::App* command = app.add_subcommand("export", "Write a rig.json in another program's format");
     command->add_option("RIG", arguments->rig, "rig.json")->required();
-    command->add_option("--format", arguments->format, "opencv: YAML for cv::FileStorage")
+    command->add_option("--format", arguments->format,
+                        "opencv: YAML for cv::FileStorage; ros: a camera_info YAML a camera; kalibr: camchain "
+                        "YAML; colmap: cameras.txt and rig_config.json; mrcal: a .cameramodel a camera; json: "
+                        "rig.json")
         ->required()
-        ->check(CLI::IsMember({"opencv"}));
-    command->add_option("--out", arguments->out, "File to write")->required();
-    command->callback([arguments] { finish(export_rig(*arguments)); });
+        ->check(CLI::IsMember(export_format_names()));
+    command->add_option("--out", arguments->out,
+                        "File to write; for ros, colmap and mrcal the folder to write into")
+        ->required();
+    command->add_flag("--approximate", arguments->approximate,
+                      "Put a lens that the format cannot carry into the nearest that it can, and say how far "
+                      "off that is");
+    command->callback([arguments] { finish(export_one(*arguments)); });
 }
 
 }  // namespace rig
