@@ -10,6 +10,7 @@ gather_SRC := \
 $(eval $(call library,gather))
 
 host_SRC := \
+  host/base/chi_square.cc \
   host/base/csv.cc \
   host/base/pose.cc \
   host/base/whole_file.cc \
@@ -33,6 +34,8 @@ host_SRC := \
   host/solve/lens_change.cc \
   host/solve/moved.cc \
   host/solve/pose_chain.cc \
+  host/solve/prior.cc \
+  host/solve/prior_check.cc \
   host/solve/rig.cc \
   host/solve/scale.cc \
   host/solve/seed_opencv.cc \

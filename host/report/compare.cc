@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/base/chi_square.h"
 #include "host/report/compare_rows.h"
 #include "host/report/error_bars.h"
 #include "host/report/uncertainty_report.h"
@@ -68,7 +69,7 @@ Result<SharedCamera> look(const RigFile& a, const RigFile& b, std::size_t in_a, 
 }
 
 // Chance that a weighted sum of squared unit Gaussians is `sum` or more: as a chi-square of the same mean
-// and variance (Satterthwaite), that by Wilson and Hilferty's cube root.
+// and variance (Satterthwaite).
 double chance_of(double sum, const Eigen::VectorXd& weights)
 {
     const double mean = weights.sum();
@@ -77,9 +78,7 @@ double chance_of(double sum, const Eigen::VectorXd& weights)
         return 1.0;
     }
     const double degrees = mean * mean / half_variance;
-    const double ninth = 2.0 / (9.0 * degrees);
-    const double normal = (std::cbrt(sum / mean) - (1.0 - ninth)) / std::sqrt(ninth);
-    return 0.5 * std::erfc(normal / std::sqrt(2.0));
+    return chance_above(chi_square_normal(sum * degrees / mean, degrees));
 }
 
 Eigen::MatrixXd covariance_of(const RigFile& a, const RigFile& b, const Eigen::MatrixXd& by_a,
@@ -207,6 +206,12 @@ Status match(const RigFile& a, const RigFile& b, const CompareOptions& options,
 
 Result<Comparison> compare_rigs(const RigFile& a, const RigFile& b, const CompareOptions& options)
 {
+    for (const auto& [rig, name] : {std::pair(&a, options.name_a), {&b, options.name_b}}) {
+        if (in_parts(*rig)) {
+            return Status::failure(name + " consists of parts that nothing connects; only whole rigs can be "
+                                          "compared");
+        }
+    }
     Comparison out;
     std::vector<SharedCamera> shared;
     const Status status = match(a, b, options, &shared, &out);

@@ -1,6 +1,7 @@
 // See covariance_json.h.
 #include "host/report/covariance_json.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace rig {
@@ -26,14 +27,21 @@ RigCovariance lay_out(const std::vector<NamedLens>& cameras, std::vector<std::st
         for (const std::string& parameter : intrinsics_names(camera.lens->model)) {
             names->push_back(camera.name + "." + parameter);
         }
-        const bool first = &camera == &cameras.front();
+        const bool first = &camera == &cameras.front() || camera.part != (&camera - 1)->part;
         out.pose.push_back(first ? -1 : static_cast<Eigen::Index>(names->size()));
         if (!first) {
             add_motion(camera.name, names);
         }
     }
-    out.motion = static_cast<Eigen::Index>(names->size());
-    add_motion("boards", names);
+    const auto motions = static_cast<Eigen::Index>(names->size());
+    int parts = 0;
+    for (const NamedLens& camera : cameras) {
+        out.motion.push_back(motions + 6 * camera.part);
+        parts = std::max(parts, camera.part + 1);
+    }
+    for (int part = 0; part < parts; ++part) {
+        add_motion(part == 0 ? "boards" : "boards " + std::to_string(part), names);
+    }
     return out;
 }
 
@@ -52,11 +60,11 @@ ordered_json covariance_json(const RigCovariance& covariance, const std::vector<
     };
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         copy(places.lens[i], covariance.lens[order[i]], cameras[i].lens->intrinsics.size());
-        if (i > 0) {
+        if (places.pose[i] >= 0) {
             copy(places.pose[i], covariance.pose[order[i]], 6);
         }
+        copy(places.motion[i], covariance.motion[order[i]], 6);
     }
-    copy(places.motion, covariance.motion, 6);
     ordered_json lower = ordered_json::array();
     for (std::size_t i = 0; i < rows.size(); ++i) {
         for (std::size_t j = 0; j <= i; ++j) {

@@ -2,7 +2,7 @@
 //     "parameters": ["cam0.fx", ..., "cam1.rotation_x", ..., "boards.translation_z"]
 //     "lower":      the lower triangle row by row, n (n + 1) / 2 numbers
 // in the order and with the meaning of solve/covariance.h; rad and mm for motions. `boards` is the
-// implied motion.
+// implied motion, `boards 1` that of the next part.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -16,6 +16,7 @@ namespace rig {
 struct NamedLens {
     std::string name;
     const Camera* lens;
+    int part;  // of the rig; cameras stand part by part
 };
 
 // `order`: index into covariance.lens of each camera of `cameras`. Cameras and their rows have one order.

@@ -38,7 +38,7 @@ std::vector<PixelError> projection_errors(const RigFile& rig, std::size_t camera
         if (at_mm.allFinite() && sense(own, fold, at_mm, &sensitivity)) {
             Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(2, covariance.matrix.cols());
             add_camera_columns(Eigen::Matrix2d::Identity(), sensitivity, covariance, camera, &slope);
-            slope.middleCols<6>(covariance.motion) = sensitivity.by_point * point_by_motion(at_mm);
+            slope.middleCols<6>(covariance.motion[camera]) = sensitivity.by_point * point_by_motion(at_mm);
             error.covariance_px2 = slope * covariance.matrix * slope.transpose();
         } else {
             error.covariance_px2.setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -59,7 +59,8 @@ PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm,
     for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
         const RigCamera& own = rig.cameras[camera];
         Sensitivity sensitivity;
-        if (sense(own, own.lens.fold_radius(), at_mm, &sensitivity) && inside(own, sensitivity.pixel)) {
+        if (own.part == 0 && sense(own, own.lens.fold_radius(), at_mm, &sensitivity)
+            && inside(own, sensitivity.pixel)) {
             ++out.cameras;
             normal += sensitivity.by_point.transpose() * sensitivity.by_point;
             add_camera_columns(-sensitivity.by_point.transpose(), sensitivity, covariance, camera, &slope);
@@ -68,7 +69,7 @@ PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm,
     if (out.cameras >= 2) {
         const Eigen::Matrix3d inverse_normal = normal.inverse();
         slope = (inverse_normal * slope).eval();
-        slope.middleCols<6>(covariance.motion) -= point_by_motion(at_mm);
+        slope.middleCols<6>(covariance.motion.front()) -= point_by_motion(at_mm);
         out.covariance_mm2 = slope * covariance.matrix * slope.transpose()
                              + noise_px * noise_px * inverse_normal;
     }

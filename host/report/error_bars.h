@@ -33,8 +33,8 @@ struct PointError {
     Eigen::Matrix3d covariance_mm2 = Eigen::Matrix3d::Zero();
 };
 
-// Of the point that the cameras which see `at_mm` (in front, inside of their images) find by least
-// squares over pixels. noise_px: of each later observation, per axis; 0 leaves the calibration's part.
+// Of the point that the cameras which see `at_mm` (of part 0, in front, inside of their images) find
+// by least squares over pixels. noise_px: of each later observation, per axis; 0 leaves the calibration's part.
 PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm, double noise_px);
 
 // Grid of per_axis^3 points over the box of the rig's volume that at least two cameras see.

@@ -237,6 +237,10 @@ Result<ExportResult> export_rig(const RigFile& rig, const std::string& name, boo
         out.files = {{"", rig_text(rig.json)}};
         return out;
     }
+    if (in_parts(rig) && name != "ros") {
+        return Status::failure("the rig consists of parts that nothing connects, which " + name
+                               + " cannot say; export it as ros or json");
+    }
     const Format& format = *std::find_if(formats().begin(), formats().end(),
                                          [&](const Format& each) { return each.name == name; });
     std::vector<Carried> cameras;

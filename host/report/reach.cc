@@ -58,19 +58,21 @@ Reach make_reach(const Solution& solution)
             if (view.camera != camera) {
                 continue;
             }
-            const Pose rig_from_board = pose_exp(solution.state.rig_from_board[view.pose]);
+            const Pose in_rig_from_board = rig_from_board(solution.state, view);
             const std::size_t before = distances.size();
             for (const ViewPoint& point : view.points) {
                 if (point.used) {
-                    const Eigen::Vector3d in_rig = rig_from_board * point.at_mm;
-                    out.from_mm = out.from_mm.cwiseMin(in_rig);
-                    out.to_mm = out.to_mm.cwiseMax(in_rig);
+                    const Eigen::Vector3d in_rig = in_rig_from_board * point.at_mm;
+                    if (solution.part_of_camera[static_cast<std::size_t>(camera)] == 0) {
+                        out.from_mm = out.from_mm.cwiseMin(in_rig);
+                        out.to_mm = out.to_mm.cwiseMax(in_rig);
+                    }
                     distances.push_back((cam_from_rig * in_rig).norm());
                 }
             }
             if (distances.size() > before) {
                 seers[view.pose].insert(camera);
-                const Eigen::Vector3d face = face_of(cam_from_rig * rig_from_board);
+                const Eigen::Vector3d face = face_of(cam_from_rig * in_rig_from_board);
                 tilts.push_back(kDegreesPerRadian * std::acos(std::min(1.0, -face.z())));
                 count_tilt(face, tilts.back(), &own);
             }

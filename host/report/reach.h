@@ -28,7 +28,7 @@ struct CameraReach {
 
 struct Reach {
     std::vector<CameraReach> cameras;  // in the order of Solution::cameras
-    Eigen::Vector3d from_mm = Eigen::Vector3d::Zero();  // box in the rig frame around all points seen
+    Eigen::Vector3d from_mm = Eigen::Vector3d::Zero();  // box in the rig frame around all points seen by part 0
     Eigen::Vector3d to_mm = Eigen::Vector3d::Zero();
 };
 

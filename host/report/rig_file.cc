@@ -1,6 +1,7 @@
 // See rig_file.h.
 #include "host/report/rig_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -74,6 +75,11 @@ Result<RigCamera> read_camera(const ordered_json& entry, const std::string& wher
     camera.cam_from_rig.rotation =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.data());
     camera.cam_from_rig.translation_mm = Eigen::Map<const Eigen::Vector3d>(translation.data());
+    const ordered_json part = entry.value("part", ordered_json(0));
+    if (!part.is_number_integer() || part < 0 || part > 1000000) {
+        return fault("'part' must be an integer from 0 on");
+    }
+    camera.part = part;
     const ordered_json distances = entry.value("distance_mm", ordered_json());
     for (const char* key : {"least", "median", "most"}) {
         if (distances.is_object() && distances.value(key, 0.0) > 0.0) {
@@ -123,7 +129,7 @@ Result<RigFile> read_rig_file(const std::string& path)
     if (rig.json.contains("covariance")) {
         std::vector<NamedLens> lenses;
         for (const RigCamera& camera : rig.cameras) {
-            lenses.push_back({camera.name, &camera.lens});
+            lenses.push_back({camera.name, &camera.lens, camera.part});
         }
         Result<RigCovariance> covariance =
             read_covariance_json(rig.json["covariance"], lenses, path + ": covariance");
@@ -133,6 +139,12 @@ Result<RigFile> read_rig_file(const std::string& path)
         rig.covariance = std::move(covariance.value());
     }
     return rig;
+}
+
+bool in_parts(const RigFile& rig)
+{
+    return std::any_of(rig.cameras.begin(), rig.cameras.end(),
+                       [](const RigCamera& camera) { return camera.part != 0; });
 }
 
 std::vector<Eigen::Vector3d> volume_grid(const RigFile& rig, int per_axis)

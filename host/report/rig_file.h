@@ -19,18 +19,22 @@ struct RigCamera {
     int height_px = 0;
     Camera lens;
     Pose cam_from_rig;
+    int part = 0;  // cameras of another part have a rig frame of their own
     std::vector<double> distances_mm;  // of the points that it was calibrated from: least, median, most
 };
 
 struct RigFile {
     std::vector<RigCamera> cameras;
     std::optional<RigCovariance> covariance;  // by `cameras`
-    std::optional<Eigen::AlignedBox3d> volume_mm;  // around the points it was calibrated from
+    std::optional<Eigen::AlignedBox3d> volume_mm;  // around the points that part 0 was calibrated from
     nlohmann::ordered_json json;  // all of it
 };
 
 // Fails with a sentence that names the file and the key at fault.
 Result<RigFile> read_rig_file(const std::string& path);
+
+// Whether it consists of parts that nothing connects.
+bool in_parts(const RigFile& rig);
 
 // Grid of per_axis^3 points over the volume, faces included; empty when the file does not tell it.
 std::vector<Eigen::Vector3d> volume_grid(const RigFile& rig, int per_axis);

@@ -61,7 +61,7 @@ Eigen::Matrix3d centre_covariance(const RigFile& rig, std::size_t camera, bool w
         slope.middleCols<6>(covariance.pose[camera]) = -pose.rotation.transpose() * own;
     }
     if (world) {
-        slope.middleCols<6>(covariance.motion) -= point_by_motion(inverse(pose).translation_mm);
+        slope.middleCols<6>(covariance.motion[camera]) -= point_by_motion(inverse(pose).translation_mm);
     }
     return slope * covariance.matrix * slope.transpose();
 }

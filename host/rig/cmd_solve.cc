@@ -12,8 +12,10 @@
 #include "host/obs/scene.h"
 #include "host/report/export.h"
 #include "host/report/picture.h"
+#include "host/report/rig_file.h"
 #include "host/report/summary.h"
 #include "host/rig/commands.h"
+#include "host/solve/prior.h"
 #include "host/solve/rig.h"
 
 namespace rig {
@@ -26,6 +28,8 @@ struct SolveArguments {
     std::string model = "brown";
     double tolerance_us = -1.0;
     bool partial = false;
+    std::string prior;
+    bool prior_poses = false;
     int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 };
 
@@ -48,6 +52,9 @@ Origin origin_of(const SolveArguments& arguments, const Scene& scene)
         origin.command += fmt::format(" --sync-tolerance-us {}", arguments.tolerance_us);
     }
     origin.command += " --model " + arguments.model + (arguments.partial ? " --partial" : "");
+    if (!arguments.prior.empty()) {
+        origin.command += " --prior " + arguments.prior + (arguments.prior_poses ? " --prior-poses" : "");
+    }
     return origin;
 }
 
@@ -72,6 +79,31 @@ Result<Scene> read_input(const SolveArguments& arguments)
                                ? -1
                                : static_cast<std::int64_t>(1000.0 * arguments.tolerance_us);
     return observe(arguments.inputs, arguments.targets, options);
+}
+
+Status read_prior(const SolveArguments& arguments, const Scene& scene, CameraModel model, Prior* prior)
+{
+    Result<RigFile> rig = read_rig_file(arguments.prior);
+    if (!rig.ok()) {
+        return rig.status();
+    }
+    if (!rig.value().covariance || in_parts(rig.value())) {
+        return Status::failure(arguments.prior + (in_parts(rig.value())
+                                                      ? " consists of parts that nothing connects"
+                                                      : " holds no 'covariance'")
+                               + ": it cannot be a prior; solve it again");
+    }
+    prior->source = arguments.prior;
+    prior->poses = arguments.prior_poses;
+    prior->covariance = *rig.value().covariance;
+    std::vector<Eigen::Vector2i> sizes_px;
+    for (const RigCamera& camera : rig.value().cameras) {
+        prior->names.push_back(camera.name);
+        prior->lenses.push_back(camera.lens);
+        prior->cam_from_rig.push_back(camera.cam_from_rig);
+        sizes_px.emplace_back(camera.width_px, camera.height_px);
+    }
+    return match_prior(scene, model, sizes_px, prior);
 }
 
 Status write_result(const SolveArguments& arguments, const Scene& scene, const Solution& solution)
@@ -117,6 +149,14 @@ Status solve(const SolveArguments& arguments)
     options.model = *camera_model_from_name(arguments.model);
     options.partial = arguments.partial;
     options.threads = arguments.threads;
+    Prior prior;
+    if (!arguments.prior.empty()) {
+        const Status status = read_prior(arguments, scene.value(), options.model, &prior);
+        if (!status.ok()) {
+            return status;
+        }
+        options.prior = &prior;
+    }
     Result<Solution> solution = solve_rig(scene.value(), options, say);
     if (!solution.ok()) {
         return solution.status();
@@ -143,6 +183,12 @@ void add_solve(CLI::App& app)
         ->check(CLI::Range(0.0, 1e9));
     command->add_flag("--partial", arguments->partial,
                       "Solve each connected part by itself when not all cameras are connected");
+    CLI::Option* prior = command->add_option(
+        "--prior", arguments->prior,
+        "rig.json of an earlier result: its lenses, with their covariance, are known beforehand");
+    command->add_flag("--prior-poses", arguments->prior_poses,
+                      "And how its cameras stand to each other")
+        ->needs(prior);
     command->add_option("--threads", arguments->threads,
                         "Threads to compute on, all cores where not given; the result is the same")
         ->check(CLI::Range(1, 1024));

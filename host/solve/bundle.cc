@@ -16,6 +16,7 @@
 #include <set>
 
 #include "host/base/parallel.h"
+#include "host/solve/prior.h"
 #include "host/solve/view_cost.h"
 
 namespace rig {
@@ -201,6 +202,9 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
     problem_options.evaluation_callback = &evaluation;
     ceres::Problem problem(problem_options);
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    PriorBlocks blocks;
+    blocks.lens.assign(state->lenses.size(), nullptr);
+    blocks.cam_from_rig.assign(state->lenses.size(), nullptr);
     for (const std::size_t camera : add_views(*state, &evaluation, &problem, ordering.get())) {
         const Camera& lens = state->lenses[camera];
         double* intrinsics = parameters.lens(camera);
@@ -212,12 +216,17 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
                 static_cast<int>(lens.intrinsics.size()), held);
             problem.SetManifold(intrinsics, manifold.release());
         }
+        blocks.lens[camera] = intrinsics;
+        blocks.cam_from_rig[camera] = parameters.camera(camera);
         ordering->AddElementToGroup(intrinsics, 1);
         ordering->AddElementToGroup(parameters.camera(camera), 1);
         if (std::count(options.gauge_cameras.begin(), options.gauge_cameras.end(),
                        static_cast<int>(camera)) != 0) {
             problem.SetParameterBlockConstant(parameters.camera(camera));
         }
+    }
+    if (options.prior != nullptr) {
+        add_prior(*options.prior, blocks, &problem);
     }
     Reporter reporter(options);
     ceres::Solver::Options solver = solver_options(options);

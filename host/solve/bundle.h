@@ -10,6 +10,8 @@
 
 namespace rig {
 
+struct Prior;
+
 // How much of a lens may move. Focal: fx, fy. Radial: these and the first two distortion
 // coefficients.
 enum class LensFreedom { kNone, kFocal, kRadial, kAll };
@@ -23,6 +25,7 @@ struct BundleOptions {
     double trust = 1e4;                 // Ceres' first trust region: the inverse of the damping
     int threads = 1;                    // over views; does not change the result
     std::function<void(const std::string&)> progress = {};  // told of steps when a solve takes long
+    const Prior* prior = nullptr;       // borrowed; null: none
 };
 
 struct BundleResult {

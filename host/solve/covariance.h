@@ -7,7 +7,8 @@
 namespace rig {
 
 // Rows, in this order: for each solved camera its intrinsics, in the units of each, and its pose, then
-// the implied motion. The pose of the first solved camera, which is the rig frame, has no rows.
+// the implied motion. The pose of the first solved camera, which is the rig frame, has no rows. A rig in
+// parts that nothing connects has a rig frame and an implied motion for each part.
 //
 // A pose's six rows are a small motion w (rad), d (mm) on the left: cam_from_rig becomes
 // (exp(w) R, t + d). So w turns about the camera's axes.
@@ -22,7 +23,7 @@ struct RigCovariance {
     Eigen::MatrixXd matrix;
     std::vector<Eigen::Index> lens;  // by camera: first row of its intrinsics; -1 where not solved
     std::vector<Eigen::Index> pose;  // by camera: first row of its pose; -1 where it has none
-    Eigen::Index motion = -1;        // first row of the implied motion
+    std::vector<Eigen::Index> motion;  // by camera: first row of its part's implied motion; -1 likewise
 };
 
 }  // namespace rig

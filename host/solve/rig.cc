@@ -14,6 +14,7 @@
 #include "host/solve/intrinsics.h"
 #include "host/solve/moved.h"
 #include "host/solve/pose_graph.h"
+#include "host/solve/prior.h"
 #include "host/solve/scale.h"
 #include "host/solve/swapped.h"
 #include "host/solve/uncertainty.h"
@@ -153,6 +154,9 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
     std::vector<std::optional<Result<CameraAlone>>> alone(scene.cameras.size());
     parallel_for(alone.size(), options.threads, 1, [&](std::size_t camera) {
         alone[camera] = calibrate_alone(scene, set, static_cast<int>(camera), options.model);
+        if (!alone[camera]->ok() && in_prior(options.prior, camera)) {
+            alone[camera] = poses_through_prior(scene, *options.prior, set, camera);
+        }
     });
     std::vector<std::optional<Change>> change;
     for (const auto& each : alone) {
@@ -247,7 +251,7 @@ constexpr double kTogetherWorst = 5.0;
 constexpr double kTogetherWorstPx = 1.0;
 
 // After outliers went: most of every camera's views must agree, and all must still hang together.
-Status check_support(const Scene& scene, const Connection& connection,
+Status check_support(const Scene& scene, const Prior* prior, const Connection& connection,
                      const std::vector<double>& alone_px, const Solution& solution)
 {
     const std::string check = "check that it did not move and that its frame numbers or clock agree with "
@@ -261,7 +265,8 @@ Status check_support(const Scene& scene, const Connection& connection,
     for (const int camera : solution.cameras) {
         const int good = count(used, camera);
         const int all = count(solution.set, camera);
-        if (good < kCameraViewsMin || 2 * good < all) {
+        const int wanted = in_prior(prior, static_cast<std::size_t>(camera)) ? 1 : kCameraViewsMin;
+        if (good < wanted || 2 * good < all) {
             return Status::failure(
                 fmt::format("camera '{}': only {} of its {} views agree with one rig; {}",
                             scene.cameras[static_cast<std::size_t>(camera)].name, good, all, check));
@@ -314,6 +319,12 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     if (!status.ok()) {
         return status;
     }
+    if (options.prior != nullptr) {
+        status = check_prior(scene, *options.prior, solution.set, solution.state.lenses, by_view);
+        if (!status.ok()) {
+            return status;
+        }
+    }
     status = check_facing(scene, solution.set, by_view);
     if (!status.ok()) {
         return status;
@@ -349,12 +360,12 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return Status::failure("the joint solution does not settle; record more views");
     }
     solution.noise_factor = refined.noise_factor;
-    status = check_support(scene, connection, alone_px, solution);
+    status = check_support(scene, options.prior, connection, alone_px, solution);
     if (!status.ok()) {
         return status;
     }
     drop_unused_poses(&solution);
-    status = estimate_uncertainty(scene, &solution);
+    status = estimate_uncertainty(scene, options.prior, &solution);
     if (!status.ok()) {
         return status;
     }

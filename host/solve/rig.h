@@ -10,10 +10,13 @@
 
 namespace rig {
 
+struct Prior;
+
 struct SolveOptions {
     CameraModel model = CameraModel::kBrown;
     bool partial = false;  // solve each connected part by itself when not all cameras are connected
     int threads = 1;       // does not change the result
+    const Prior* prior = nullptr;  // matched with the scene; borrowed; null: none
 };
 
 // Standard deviations from the covariance of the joint solution, scaled by its noise factor where

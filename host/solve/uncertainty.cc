@@ -17,6 +17,7 @@
 #include <cmath>
 
 #include "host/solve/pose_chain.h"
+#include "host/solve/prior.h"
 
 namespace rig {
 namespace {
@@ -35,28 +36,45 @@ struct PosePart {
     Eigen::Matrix<double, 6, 6> own = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
+// Sums over a part of the rig, as twists.
+struct MotionPart {
+    Eigen::Matrix<double, 6, 6> own = Eigen::Matrix<double, 6, 6>::Zero();  // of C
+    Eigen::MatrixXd across;                                                 // of B
+};
+
 struct Information {
-    Eigen::MatrixXd schur;                  // S
-    Eigen::Matrix<double, 6, 6> motion;     // sum of C, as twists
-    Eigen::MatrixXd motion_across;          // sum of B, as twists
+    Eigen::MatrixXd schur;            // S
+    std::vector<MotionPart> motions;  // by part
 };
 
 RigCovariance lay_out(const Solution& solution)
 {
+    const std::size_t cameras = solution.state.lenses.size();
     RigCovariance out;
-    out.lens.assign(solution.state.lenses.size(), -1);
-    out.pose.assign(solution.state.lenses.size(), -1);
-    out.motion = 0;
+    out.lens.assign(cameras, -1);
+    out.pose.assign(cameras, -1);
+    out.motion.assign(cameras, -1);
+    Eigen::Index size = 0;
     for (const int camera : solution.cameras) {
         const auto c = static_cast<std::size_t>(camera);
-        out.lens[c] = out.motion;
-        out.motion += static_cast<Eigen::Index>(solution.state.lenses[c].intrinsics.size());
+        out.lens[c] = size;
+        size += static_cast<Eigen::Index>(solution.state.lenses[c].intrinsics.size());
         if (!is_gauge(solution, camera)) {
-            out.pose[c] = out.motion;
-            out.motion += 6;
+            out.pose[c] = size;
+            size += 6;
         }
     }
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        out.motion[c] = size + 6 * solution.part_of_camera[c];
+    }
     return out;
+}
+
+// How many rows stand before the implied motions.
+Eigen::Index own_rows(const Solution& solution, const RigCovariance& places)
+{
+    return places.motion[static_cast<std::size_t>(solution.gauge_cameras.front())];
 }
 
 // Change of a pose's six numbers by a twist (w, d) in the rig frame: p becomes p + w x p + d.
@@ -91,8 +109,8 @@ void add_view(const Eigen::MatrixXd& normal, Eigen::Index lens_count, Eigen::Ind
 Information gather(const Solution& solution, const RigCovariance& places)
 {
     const RigState& state = solution.state;
-    const Eigen::Index size =
-        places.motion + 6 * static_cast<Eigen::Index>(state.body_from_board.size());
+    const Eigen::Index members = own_rows(solution, places);
+    const Eigen::Index size = members + 6 * static_cast<Eigen::Index>(state.body_from_board.size());
     Information out;
     out.schur = Eigen::MatrixXd::Zero(size, size);
     std::map<std::size_t, PosePart> parts;
@@ -109,16 +127,19 @@ Information gather(const Solution& solution, const RigCovariance& places)
         const auto lens_count = static_cast<Eigen::Index>(state.lenses[c].intrinsics.size());
         add_view(chain_normal(quadratic, chain_of(state, view)), lens_count, places.lens[c],
                  lens_count + (places.pose[c] < 0 ? 0 : 6),
-                 view.member == kNoMember ? -1 : places.motion + 6 * view.member, &out.schur, &part);
+                 view.member == kNoMember ? -1 : members + 6 * view.member, &out.schur, &part);
     }
-    out.motion.setZero();
-    out.motion_across = Eigen::MatrixXd::Zero(size, 6);
+    out.motions.resize(solution.gauge_cameras.size());
+    for (MotionPart& motion : out.motions) {
+        motion.across = Eigen::MatrixXd::Zero(size, 6);
+    }
     for (const auto& [pose, part] : parts) {
         if (part.own.norm() > 0.0) {
             out.schur.noalias() -= part.across * part.own.ldlt().solve(part.across.transpose());
             const Eigen::Matrix<double, 6, 6> twist = six_by_twist(state.rig_from_body[pose]);
-            out.motion += twist.transpose() * part.own * twist;
-            out.motion_across += part.across * twist;
+            MotionPart& motion = out.motions[static_cast<std::size_t>(solution.set.poses[pose].part)];
+            motion.own += twist.transpose() * part.own * twist;
+            motion.across += part.across * twist;
         }
     }
     return out;
@@ -139,20 +160,36 @@ Eigen::MatrixXd invert(const Eigen::MatrixXd& information)
 
 }  // namespace
 
-RigCovariance rig_covariance(const Solution& solution)
+RigCovariance rig_covariance(const Solution& solution, double noise_factor, const Prior* prior)
 {
     RigCovariance out = lay_out(solution);
-    const Information information = gather(solution, out);
-    const Eigen::Index own = out.motion;
+    Information information = gather(solution, out);
+    const double share = 1.0 / (noise_factor * noise_factor);
+    information.schur *= share;
+    for (MotionPart& motion : information.motions) {
+        motion.own *= share;
+        motion.across *= share;
+    }
+    if (prior != nullptr) {
+        information.schur += prior_information(*prior, solution.state, out, information.schur.rows());
+    }
+    const Eigen::Index own = own_rows(solution, out);
+    const auto parts = static_cast<Eigen::Index>(information.motions.size());
     const Eigen::MatrixXd covariance = invert(information.schur);
-    const auto motion = information.motion.ldlt();
-    const Eigen::MatrixXd follow = -motion.solve(information.motion_across.transpose());
-    out.matrix.resize(own + 6, own + 6);
+    Eigen::MatrixXd follow(6 * parts, covariance.cols());
+    out.matrix.setZero(own + 6 * parts, own + 6 * parts);
+    for (Eigen::Index part = 0; part < parts; ++part) {
+        const MotionPart& motion = information.motions[static_cast<std::size_t>(part)];
+        const auto factor = motion.own.ldlt();
+        follow.middleRows<6>(6 * part) = -factor.solve(motion.across.transpose());
+        out.matrix.block<6, 6>(own + 6 * part, own + 6 * part) =
+            factor.solve(Eigen::MatrixXd::Identity(6, 6));
+    }
+    const Eigen::MatrixXd across = follow * covariance;
     out.matrix.topLeftCorner(own, own) = covariance.topLeftCorner(own, own);
-    out.matrix.bottomLeftCorner(6, own) = (follow * covariance).leftCols(own);
-    out.matrix.topRightCorner(own, 6) = out.matrix.bottomLeftCorner(6, own).transpose();
-    out.matrix.bottomRightCorner<6, 6>() =
-        follow * covariance * follow.transpose() + motion.solve(Eigen::MatrixXd::Identity(6, 6));
+    out.matrix.bottomLeftCorner(6 * parts, own) = across.leftCols(own);
+    out.matrix.topRightCorner(own, 6 * parts) = across.leftCols(own).transpose();
+    out.matrix.bottomRightCorner(6 * parts, 6 * parts) += across * follow.transpose();
     // A change d of a rotation vector turns the camera by the left Jacobian times d.
     for (const int camera : solution.cameras) {
         const auto c = static_cast<std::size_t>(camera);
@@ -168,7 +205,7 @@ RigCovariance rig_covariance(const Solution& solution)
     return out;
 }
 
-Status estimate_uncertainty(const Scene& scene, Solution* solution)
+Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* solution)
 {
     const auto undetermined = [&](int camera, const std::string& how) {
         return Status::failure(fmt::format(
@@ -180,8 +217,7 @@ Status estimate_uncertainty(const Scene& scene, Solution* solution)
     for (const int camera : solution->cameras) {
         factor = std::max(factor, solution->noise_factor[static_cast<std::size_t>(camera)]);
     }
-    solution->covariance = rig_covariance(*solution);
-    solution->covariance.matrix *= factor * factor;
+    solution->covariance = rig_covariance(*solution, factor, prior);
     const Eigen::VectorXd deviation =
         solution->covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
     solution->uncertainty.assign(scene.cameras.size(), {});

@@ -5,14 +5,16 @@
 
 namespace rig {
 
-// Fills solution->covariance, scaled up by the noise factor where that is above 1, and from it
+// Fills solution->covariance, that of the data scaled up by the noise factor where that is above 1, and from it
 // solution->uncertainty. Fails with a sentence that names the camera when its focal length is known to
 // no better than kFocalWorstPart.
-Status estimate_uncertainty(const Scene& scene, Solution* solution);
+Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* solution);
 
 constexpr double kFocalWorstPart = 0.03;
 
-// Covariance for unit noise, board poses marginalised; rows as covariance.h says.
-RigCovariance rig_covariance(const Solution& solution);
+// Covariance, board poses marginalised; rows as covariance.h says. noise_factor: how much larger the
+// noise is than the sigmas say. prior (null: none) adds its information.
+RigCovariance rig_covariance(const Solution& solution, double noise_factor = 1.0,
+                             const Prior* prior = nullptr);
 
 }  // namespace rig

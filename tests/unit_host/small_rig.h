@@ -4,12 +4,15 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <random>
 
 #include "host/report/rig_file.h"
 #include "host/solve/bundle.h"
-#include "host/solve/residuals.h"
+#include "host/solve/prior.h"
+#include "host/solve/view_kernel.h"
 #include "host/solve/rig.h"
 #include "host/solve/uncertainty.h"
 #include "unity.h"
@@ -50,6 +53,13 @@ inline rig::RigState truth(std::mt19937* random)
             -175.0 + 120.0 + 250.0 * unit(*random), -125.0 + 180.0 * unit(*random), depth;
         state.rig_from_body.push_back(pose);
     }
+    return state;
+}
+
+// The first `count` board poses only.
+inline rig::RigState shortened(rig::RigState state, std::size_t count)
+{
+    state.rig_from_body.resize(count);
     return state;
 }
 
@@ -100,7 +110,8 @@ inline void add_noise(std::mt19937* random, std::vector<rig::View>* views)
 }
 
 // The joint solution of observations, started at `start`.
-inline rig::Solution solve(const rig::ViewSet& set, const rig::RigState& start)
+inline rig::Solution solve(const rig::ViewSet& set, const rig::RigState& start,
+                           const rig::Prior* prior = nullptr)
 {
     rig::Solution solution;
     solution.cameras = {0, 1, 2};
@@ -109,7 +120,9 @@ inline rig::Solution solve(const rig::ViewSet& set, const rig::RigState& start)
     solution.set = set;
     solution.state = start;
     solution.noise_factor.assign(kCameras, 1.0);
-    rig::bundle(solution.set.views, rig::BundleOptions(), &solution.state);
+    rig::BundleOptions options;
+    options.prior = prior;
+    rig::bundle(solution.set.views, options, &solution.state);
     return solution;
 }
 
@@ -136,30 +149,66 @@ inline rig::Vector6 boards_motion(const rig::Solution& found, const rig::RigStat
     rig::Vector6 sum = rig::Vector6::Zero();
     for (const rig::View& view : found.set.views) {
         const auto c = static_cast<std::size_t>(view.camera);
-        Eigen::VectorXd residuals;
         Eigen::MatrixXd slope(2 * static_cast<Eigen::Index>(view.points.size()), 6);
-        const rig::Pose board = rig::pose_exp(found.state.rig_from_board[view.pose]);
+        const rig::Pose board = rig::pose_exp(found.state.rig_from_body[view.pose]);
+        const rig::Pose camera = rig::pose_exp(found.state.cam_from_rig[c]);
         for (int k = 0; k < 6; ++k) {
-            Eigen::VectorXd ahead;
-            Eigen::VectorXd behind;
             // 1e-5 rad at 1 m is 0.01 mm; a step of 0.01 mm likewise: pixels change by 5e-3.
             const rig::Vector6 step = (k < 3 ? 1e-5 : 1e-2) * rig::Vector6::Unit(k);
-            for (const auto& [side, out] : {std::pair(1.0, &ahead), std::pair(-1.0, &behind)}) {
-                const rig::Vector6 six = rig::pose_log(rig::pose_exp(side * step) * board);
-                TEST_ASSERT_TRUE(rig::view_residuals(view, found.state.lenses[c].model,
-                                                found.state.lenses[c].intrinsics.data(),
-                                                found.state.cam_from_rig[c].data(), six.data(), out,
-                                                nullptr));
-            }
-            slope.col(k) = (ahead - behind) / (2.0 * step[k]);
+            Eigen::Matrix2Xd ahead;
+            Eigen::Matrix2Xd behind;
+            rig::view_residuals(view, found.state.lenses[c], camera * (rig::pose_exp(step) * board), &ahead);
+            rig::view_residuals(view, found.state.lenses[c], camera * (rig::pose_exp(-step) * board), &behind);
+            slope.col(k) = (ahead - behind).reshaped() / (2.0 * step[k]);
         }
-        const rig::Pose turn = board * rig::inverse(rig::pose_exp(truth.rig_from_board[view.pose]));
+        const rig::Pose turn = board * rig::inverse(rig::pose_exp(truth.rig_from_body[view.pose]));
         const Eigen::Matrix<double, 6, 6> weight = slope.transpose() * slope;
         weights += weight;
         sum += weight * rig::pose_log(turn);
     }
     return weights.ldlt().solve(sum);
 }
+
+// Of lenses, camera poses and the boards' motion, by the rows of found.covariance.
+inline Eigen::VectorXd errors_of(const rig::Solution& found, const rig::RigState& truth)
+{
+    const rig::RigCovariance& places = found.covariance;
+    Eigen::VectorXd out(places.matrix.cols());
+    for (std::size_t c = 0; c < kCameras; ++c) {
+        for (std::size_t i = 0; i < truth.lenses[c].intrinsics.size(); ++i) {
+            out[places.lens[c] + static_cast<Eigen::Index>(i)] =
+                found.state.lenses[c].intrinsics[i] - truth.lenses[c].intrinsics[i];
+        }
+        if (places.pose[c] >= 0) {
+            out.segment<6>(places.pose[c]) =
+                left_motion(found.state.cam_from_rig[c], truth.cam_from_rig[c]);
+        }
+    }
+    out.tail<6>() = boards_motion(found, truth);
+    return out;
+}
+
+// Mean of e' S^-1 e / n over draws; 1 when errors are as large as the covariance says.
+struct Honesty {
+    double sum = 0.0;
+    double dimensions = 0.0;
+    void add(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance)
+    {
+        const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+        const Eigen::MatrixXd even = scale.asDiagonal() * covariance * scale.asDiagonal();
+        const Eigen::VectorXd whitened = scale.cwiseProduct(error);
+        sum += whitened.dot(even.ldlt().solve(whitened));
+        dimensions += static_cast<double>(error.size());
+    }
+    // A chi-square of N degrees over N scatters by sqrt(2 / N): four of these.
+    void check(const char* what) const
+    {
+        const double ratio = sum / dimensions;
+        const double width = 4.0 * std::sqrt(2.0 / dimensions);
+        std::printf("%s: squared error over variance %.4f, expected 1 +- %.4f\n", what, ratio, width);
+        TEST_ASSERT_TRUE_MESSAGE(std::abs(ratio - 1.0) < width, what);
+    }
+};
 
 // A solution as rig.json gives it back.
 inline rig::RigFile file_of(const rig::RigState& state)

@@ -26,7 +26,7 @@ Comparison compare_or_fail(const RigFile& a, const RigFile& b)
 RigState other_boards(const RigState& state, std::mt19937* random)
 {
     RigState out = state;
-    out.rig_from_board = small_rig::truth(random).rig_from_board;
+    out.rig_from_body = small_rig::truth(random).rig_from_body;
     return out;
 }
 
@@ -83,7 +83,7 @@ void a_camera_that_moved_is_named_with_how_far_and_no_other()
             for (Vector6& pose : later.cam_from_rig) {
                 pose = pose_log(pose_exp(pose) * inverse(change));
             }
-            for (Vector6& pose : later.rig_from_board) {
+            for (Vector6& pose : later.rig_from_body) {
                 pose = pose_log(change * pose_exp(pose));
             }
             later.cam_from_rig[0].setZero();

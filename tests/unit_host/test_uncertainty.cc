@@ -17,61 +17,21 @@ void tearDown() {}
 
 namespace {
 
-Eigen::VectorXd errors_of(const Solution& found, const RigState& truth)
-{
-    const RigCovariance& places = found.covariance;
-    Eigen::VectorXd out(places.motion + 6);
-    for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
-        for (std::size_t i = 0; i < truth.lenses[c].intrinsics.size(); ++i) {
-            out[places.lens[c] + static_cast<Eigen::Index>(i)] =
-                found.state.lenses[c].intrinsics[i] - truth.lenses[c].intrinsics[i];
-        }
-        if (places.pose[c] >= 0) {
-            out.segment<6>(places.pose[c]) =
-                small_rig::left_motion(found.state.cam_from_rig[c], truth.cam_from_rig[c]);
-        }
-    }
-    out.tail<6>() = small_rig::boards_motion(found, truth);
-    return out;
-}
-
-// Mean of e' S^-1 e / n over draws; 1 when errors are as large as the covariance says.
-struct Honesty {
-    double sum = 0.0;
-    double dimensions = 0.0;
-    void add(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance)
-    {
-        const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
-        const Eigen::MatrixXd even = scale.asDiagonal() * covariance * scale.asDiagonal();
-        const Eigen::VectorXd whitened = scale.cwiseProduct(error);
-        sum += whitened.dot(even.ldlt().solve(whitened));
-        dimensions += static_cast<double>(error.size());
-    }
-    // A chi-square of N degrees over N scatters by sqrt(2 / N): four of these.
-    void check(const char* what) const
-    {
-        const double ratio = sum / dimensions;
-        const double width = 4.0 * std::sqrt(2.0 / dimensions);
-        std::printf("%s: squared error over variance %.4f, expected 1 +- %.4f\n", what, ratio, width);
-        TEST_ASSERT_TRUE_MESSAGE(std::abs(ratio - 1.0) < width, what);
-    }
-};
-
 void errors_of_repeated_solves_are_as_large_as_the_covariance_says()
 {
     std::mt19937 random(7);
     const RigState truth = small_rig::truth(&random);
     const ViewSet clean = small_rig::views(truth);
-    Honesty all;
-    Honesty lenses;
-    Honesty poses;
-    Honesty motion;
+    small_rig::Honesty all;
+    small_rig::Honesty lenses;
+    small_rig::Honesty poses;
+    small_rig::Honesty motion;
     for (int draw = 0; draw < small_rig::draws(); ++draw) {
         ViewSet set = clean;
         small_rig::add_noise(&random, &set.views);
         Solution found = small_rig::solve(set, truth);
         found.covariance = rig_covariance(found);
-        const Eigen::VectorXd error = errors_of(found, truth);
+        const Eigen::VectorXd error = small_rig::errors_of(found, truth);
         const Eigen::MatrixXd& covariance = found.covariance.matrix;
         all.add(error, covariance);
         for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
@@ -96,11 +56,11 @@ void deviations_are_scaled_by_the_noise_factor_where_it_is_above_one()
     std::mt19937 random(8);
     const RigState truth = small_rig::truth(&random);
     Solution found = small_rig::solve(small_rig::views(truth), truth);
-    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), &found).ok());
+    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), nullptr, &found).ok());
     const double fx = found.uncertainty[1].intrinsics[0];
     const double turn = found.uncertainty[1].rotation_rad.x();
     found.noise_factor = {0.5, 2.0, 1.0};
-    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), &found).ok());
+    TEST_ASSERT_TRUE(estimate_uncertainty(small_rig::scene(), nullptr, &found).ok());
     TEST_ASSERT_TRUE(std::abs(found.uncertainty[1].intrinsics[0] / (2.0 * fx) - 1.0) < 1e-9);
     TEST_ASSERT_TRUE(std::abs(found.uncertainty[1].rotation_rad.x() / (2.0 * turn) - 1.0) < 1e-9);
     const Eigen::Index lens = found.covariance.lens[1];

@@ -1,0 +1,64 @@
+// An earlier result with its covariance as a Gaussian prior on lenses and, where asked, camera poses.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "host/base/status.h"
+#include "host/solve/covariance.h"
+#include "host/solve/intrinsics.h"
+
+namespace ceres {
+class Problem;
+}
+
+namespace rig {
+
+// Cameras as they stand in the earlier result, and which of the scene's they are.
+struct Prior {
+    std::string source;               // what sentences call it
+    std::vector<std::string> names;
+    std::vector<Camera> lenses;
+    std::vector<Pose> cam_from_rig;   // of one rig
+    RigCovariance covariance;         // by these cameras
+    bool poses = false;               // the cameras stand to each other as they did
+    std::vector<int> place;           // by scene camera: index into the above; -1 where it is not in it
+};
+
+// Cameras are matched by name. Fails with a sentence when none is in the scene, or when one has images of
+// another size (`sizes_px` of the earlier result) or another lens model than `model`.
+Status match_prior(const Scene& scene, CameraModel model, const std::vector<Eigen::Vector2i>& sizes_px,
+                   Prior* prior);
+
+// Where the blocks of a solve lie, by scene camera; null where a camera takes no part.
+struct PriorBlocks {
+    std::vector<double*> lens;
+    std::vector<double*> cam_from_rig;
+};
+
+// Adds the prior as one residual block: W (x - x0) with W'W the inverse of the prior's covariance of what
+// it is about, x lenses and, with `poses`, the motions of the cameras against the earlier result's first
+// that is in the scene. Nothing is added when fewer than one camera of the prior takes part.
+void add_prior(const Prior& prior, const PriorBlocks& blocks, ceres::Problem* problem);
+
+// Its information about a state: rows as covariance.h says, but a pose's six numbers are those of the
+// state. `places` gives the rows of the result; it is zero elsewhere.
+Eigen::MatrixXd prior_information(const Prior& prior, const RigState& state, const RigCovariance& places,
+                                  Eigen::Index rows);
+
+// Whether the prior (null: none) has this scene camera.
+bool in_prior(const Prior* prior, std::size_t camera);
+
+// For a camera with too few views to be calibrated alone: the prior's lens, and the poses of its views
+// through it. Fails with a sentence when it has none, or when its points do not fit this lens.
+Result<CameraAlone> poses_through_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
+                                        std::size_t camera);
+
+// A camera whose own views contradict the prior: fails with a sentence that names it, tells by how much,
+// and whose lens it has instead. by_view: cam_from_board of each view in `set`.
+Status check_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
+                   const std::vector<Camera>& lenses, const std::vector<Pose>& by_view);
+
+constexpr double kPriorSigmas = 5.0;
+
+}  // namespace rig
