@@ -29,6 +29,7 @@ struct Board {
     std::string name;
     std::vector<BoardPoint> points;
     std::unordered_map<std::int64_t, std::size_t> index_of_id;
+    std::string scale;          // what its lengths are from: "the patch side of 100 mm in target.json"
     bool is_static = false;     // one pose for all frames
     int group = 0;              // boards of one group are fixed to each other: index of the first of them
     bool faces_minus_z = false;  // can only be seen from its -z side (every Tessera target)

@@ -180,6 +180,7 @@ Result<std::vector<Board>> read_boards(const json& list, const std::string& path
             if (!read.ok()) {
                 return read;
             }
+            board.scale = "the coordinates in " + std::filesystem::path(file).filename().string();
         }
         board.name = entry["name"];
         board.is_static = entry.value("static", false);

@@ -1,4 +1,7 @@
 // A Tessera target as the solver's board: the project's one reader of target files, turned into points.
+#include <fmt/format.h>
+
+#include <filesystem>
 #include <memory>
 
 // In C a struct and a function may share a name; C++ warns that the function hides the constructor.
@@ -24,6 +27,12 @@ Result<Board> read_target_board(const std::string& path, std::uint64_t* digest)
     Board board;
     board.name = pattern.name[0] != '\0' ? pattern.name : path;
     board.faces_minus_z = true;
+    board.scale = fmt::format("the patch side of {} mm in {}", 1e-6 * static_cast<double>(pattern.patch_nm),
+                              std::filesystem::path(path).filename().string());
+    if (file->measured_scale[0] != 1.0 || file->measured_scale[1] != 1.0) {
+        board.scale += fmt::format(", times the measured_scale of {} and {}", file->measured_scale[0],
+                                   file->measured_scale[1]);
+    }
     const unsigned patches = unsigned{pattern.rows} * pattern.cols;
     for (unsigned place = 0; place < patches; ++place) {
         for (unsigned feature = 0; feature < layout_feature_count(pattern.levels); ++feature) {

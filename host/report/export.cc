@@ -122,7 +122,8 @@ ordered_json all_covariance(const Scene& scene, const Solution& solution)
     std::vector<std::size_t> order;
     for (const int camera : solution.cameras) {
         order.push_back(static_cast<std::size_t>(camera));
-        cameras.push_back({scene.cameras[order.back()].name, &solution.state.lenses[order.back()]});
+        cameras.push_back({scene.cameras[order.back()].name, &solution.state.lenses[order.back()],
+                           solution.part_of_camera[order.back()]});
     }
     return covariance_json(solution.covariance, cameras, order);
 }
@@ -151,7 +152,7 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
     out["covariance"] = all_covariance(scene, solution);
     out["boards"] = ordered_json::array();
     for (const Board& board : scene.boards) {
-        out["boards"].push_back({{"name", board.name}, {"surface", nullptr}});
+        out["boards"].push_back({{"name", board.name}, {"surface", nullptr}, {"scale", board.scale}});
     }
     out["frames"] = frames_json(scene, solution);
     out["left_out"] = solution.left_out;
