@@ -216,7 +216,7 @@ inline rig::RigFile file_of(const rig::RigState& state)
     rig::RigFile out;
     for (std::size_t c = 0; c < kCameras; ++c) {
         out.cameras.push_back({"cam" + std::to_string(c), 640, 480, state.lenses[c],
-                               rig::pose_exp(state.cam_from_rig[c]), {700.0, 1000.0, 1500.0}});
+                               rig::pose_exp(state.cam_from_rig[c]), 0, {700.0, 1000.0, 1500.0}});
     }
     return out;
 }
