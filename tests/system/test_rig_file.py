@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "truth"))
-from solved import run, solved  # noqa: E402
+import simulate  # noqa: E402
+from solved import NOISE_PX, run, simulated, solved  # noqa: E402
 
 MOTION = [f"{kind}_{axis}" for kind in ("rotation", "translation") for axis in "xyz"]
 
@@ -60,3 +61,27 @@ def test_a_covariance_that_cannot_be_is_refused_by_key(change, words, tmp_path):
     assert result.returncode == 1
     for word in [str(tmp_path / "rig.json"), *words]:
         assert word in result.stderr
+
+
+def test_parts_that_nothing_connects_have_a_frame_and_an_implied_motion_each(tmp_path):
+    cameras = solved().cameras
+    board, _, rows = simulated(cameras, 5, 24)
+    apart = [row for row in rows if (row[0] == 2) == (row[1] % 2 == 0)]
+    simulate.write_folder(tmp_path / "in", cameras, board, apart, sigma=NOISE_PX)
+    run("solve", tmp_path / "in", "--out", tmp_path / "out", "--model", "brown", "--partial", expect=0)
+    path = tmp_path / "out" / "rig.json"
+    rig = json.loads(path.read_text())
+    assert [camera["part"] for camera in rig["cameras"]] == [0, 0, 1]
+    names, matrix = covariance_of(rig)
+    assert names[-12:] == [f"{of}.{n}" for of in ("boards", "boards 1") for n in MOTION]
+    assert "cam1.rotation_x" in names and "cam2.rotation_x" not in names
+    # What nothing connects is independent; inverting both at once leaves rounding.
+    first = [i for i, n in enumerate(names) if n.startswith(("cam0.", "cam1.", "boards."))]
+    second = [i for i in range(len(names)) if i not in first]
+    deviation = np.sqrt(np.diag(matrix))
+    correlation = matrix / np.outer(deviation, deviation)
+    assert np.abs(correlation[np.ix_(first, second)]).max() < 1e-9
+    assert run("uncertainty", path, expect=0).stdout.count("\ncam2 ") == 4
+    for form in ("kalibr", "colmap", "mrcal", "opencv"):
+        assert "parts" in run("export", path, "--format", form, "--out", tmp_path / "x", expect=1).stderr
+    assert "parts" in run("compare", path, path, expect=1).stderr
