@@ -343,6 +343,7 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     bundle_options.gauge_cameras = solution.gauge_cameras;
     bundle_options.threads = options.threads;
     bundle_options.progress = progress;
+    bundle_options.prior = options.prior;
     bundle_options.lens = LensFreedom::kNone;
     if (!approach(bundle_options, solution.set.views, &solution.state)) {
         return Status::failure("the cameras' poses cannot be joined into one rig; check that frame "
