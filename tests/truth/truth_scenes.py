@@ -152,14 +152,14 @@ def _in_front(frames, board, cameras, distance, rng, share):
         shift = np.array([*(ray * z), z]) - turn @ middle
         points = board[:, :3] @ turn.T + shift
         seen = [_visible(c, points @ c["cam_from_rig"][0].T + c["cam_from_rig"][1],
-                         c["cam_from_rig"][0] @ turn[:, 2], _reach(c)).mean() for c in cameras]
+                         c["cam_from_rig"][0] @ turn[:, 2], reach(c)).mean() for c in cameras]
         if min(seen) >= share:
             turns.append(turn)
             shifts.append(shift)
     return np.array(turns), np.array(shifts)
 
 
-def _reach(camera):
+def reach(camera):
     """tan of the widest angle in the image, with a margin: beyond it a polynomial may fold back."""
     if camera["model"] == "fisheye":
         return np.inf
@@ -168,11 +168,11 @@ def _reach(camera):
     return 1.1 * np.max(np.hypot(rays[:, 0], rays[:, 1]) / rays[:, 2])
 
 
-def _visible(camera, points, normal, reach):
+def _visible(camera, points, normal, widest):
     """Which points (n, 3) of a board with that normal (away from the viewer) have an image: in view,
     and seen at 65 degrees of tilt at most."""
     facing = points @ normal > np.cos(np.radians(65)) * np.linalg.norm(points, axis=1)
-    near = np.hypot(points[:, 0], points[:, 1]) < reach * points[:, 2] if np.isfinite(reach) else True
+    near = np.hypot(points[:, 0], points[:, 1]) < widest * points[:, 2] if np.isfinite(widest) else True
     at = np.flatnonzero(facing & near)
     pixels = truth_lens.project(camera, points[at])
     inside = ((pixels > 0) & (pixels < [camera["width"] - 1, camera["height"] - 1])).all(axis=1)
@@ -188,11 +188,11 @@ def observe(scene, rng, outliers=0.0):
     parts = []
     for c, camera in enumerate(scene.cameras):
         turn_cr, shift_cr = camera["cam_from_rig"]
-        reach = _reach(camera)
+        widest = reach(camera)
         for f, (turn_rb, shift_rb) in enumerate(zip(*scene.poses)):
             turn = turn_cr @ turn_rb
             there = points @ turn.T + (turn_cr @ shift_rb + shift_cr)
-            at = np.flatnonzero(_visible(camera, there, turn[:, 2], reach))
+            at = np.flatnonzero(_visible(camera, there, turn[:, 2], widest))
             if not len(at):
                 continue
             exact = truth_circles.image_of_circles(camera, there[at], scene.board[at, 3], turn @ along[at])
