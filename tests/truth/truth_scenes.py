@@ -216,7 +216,7 @@ def _paper(rng, model, field, frames, radius):
         centre = np.array([300.0, 5, 10]) * i
         cameras.append(_camera(f"cam{i}", size, 4000.0, model, rng, field, turn, centre))
     board = grid(42, 24, 1200 / 42, radius)
-    return cameras, board, _in_front(frames, board, cameras, (1300.0, 2400.0), rng, 0.7)
+    return cameras, board, _in_front(frames, board, cameras, (1300.0, 2400.0), rng, 1.0)
 
 
 def _small(rng, model, field, frames, radius):

@@ -9,3 +9,13 @@ solver-accuracy: $(BIN)/tessera-rig
 .PHONY: solver-honesty
 solver-honesty: $(BIN)/tessera-rig
 	@$(PYTHON) tools/solver_bench/solver_honesty.py $(HONESTY)
+
+## solver-bench: the solver's time and memory beside mrcal's and OpenCV's, and its growth (BENCH_SOLVER='--only room --rounds 1')
+.PHONY: solver-bench
+solver-bench: $(BIN)/tessera-rig
+	@$(PYTHON) tools/solver_bench/solver_bench.py $(BENCH_SOLVER)
+
+## peers: install the other solvers that solver-bench compares with (Debian's mrcal)
+.PHONY: peers
+peers:
+	@tools/setup/deps.sh test peers

@@ -4,6 +4,8 @@
 Prints one table; with --out also writes it there. `make solver-accuracy` calls it.
 """
 import argparse
+import hashlib
+import json
 import re
 import shutil
 import sys
@@ -32,6 +34,8 @@ def arguments():
     parser.add_argument("--frames", type=int, help="board poses of each scene instead of the rig's own number")
     parser.add_argument("--option", action="append", default=[],
                         help="further option for tessera-rig solve, e.g. --option=--flat")
+    parser.add_argument("--again", action="store_true",
+                        help="measure rows again that this very tessera-rig has been measured on")
     parser.add_argument("--out", metavar="FOLDER", help="write solver_accuracy.md there")
     parser.add_argument("--work", metavar="FOLDER", type=Path, default=ROOT / "build" / "solver_accuracy")
     return parser.parse_args()
@@ -74,6 +78,25 @@ def measure_row(row, options):
             "failed": failed, "seeds": options.seeds}
 
 
+def kept_path(row, options):
+    """Where a row's result is kept: another program, seed or scene is another file."""
+    program = hashlib.sha1(rig_program().read_bytes()).hexdigest()
+    what = [program, row.name, row.scene, row.options, options.option, options.frames, options.seeds,
+            options.first_seed]
+    return options.work / "rows" / (hashlib.sha1(json.dumps(what).encode()).hexdigest() + ".json")
+
+
+def measured(row, options):
+    """The row's result, from an earlier run where there is one: a whole table takes hours."""
+    path = kept_path(row, options)
+    if path.exists() and not options.again:
+        return json.loads(path.read_text())
+    result = measure_row(row, options)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(result))
+    return result
+
+
 def ratios(row, result):
     """What the row is judged by: error over reference, or the one absolute error."""
     if row.worst_px:
@@ -111,6 +134,13 @@ def table(results):
                               enumerate(zip(line, width))) + " |" for line in lines]
 
 
+def report(results):
+    failed = [f"- {row.name}: {remark}" for row, result in results for remark in result["failed"]]
+    good = sum(passes(row, result) for row, result in results)
+    return [*table(results), "", f"{good} of {len(results)} rows as required.",
+            *(["", "Refused:", "", *failed] if failed else [])]
+
+
 PREFACE = f"""# How exact the solver is
 
 Written by `make solver-accuracy`; not to be edited. Simulated observations with known truth
@@ -144,27 +174,28 @@ def main():
     if not rows:
         print("solver_accuracy: no row matches --only; --list names them", file=sys.stderr)
         return 2
-    whole = not (options.only or options.option or options.frames or options.seeds != SEEDS
-                 or options.first_seed != FIRST_SEED)
+    regular = not (options.option or options.frames or options.seeds != SEEDS
+                   or options.first_seed != FIRST_SEED)
     options.work.mkdir(parents=True, exist_ok=True)
     results = []
     try:
         for count, row in enumerate(rows, 1):
             say(f"{count}/{len(rows)} {row.name}")
-            results.append((row, measure_row(row, options)))
+            results.append((row, measured(row, options)))
     except (OSError, RuntimeError) as error:
         print(f"solver_accuracy: {error}", file=sys.stderr)
         return 1
     shutil.rmtree(options.work / "scene", ignore_errors=True)
-    failed = [f"- {row.name}: {remark}" for row, result in results for remark in result["failed"]]
-    good = sum(passes(row, result) for row, result in results)
-    lines = [*table(results), "", f"{good} of {len(results)} rows as required.",
-             *(["", "Refused:", "", *failed] if failed else [])]
-    print("\n".join(lines))
-    if options.out and whole:
+    print("\n".join(report(results)))
+    if options.out and regular:
+        # Rows left out by --only stand as far as this program has been measured on them.
+        results = [(row, json.loads(kept_path(row, options).read_text())) for row in solver_rows.rows()
+                   if kept_path(row, options).exists()]
+        missing = [f"- {row.name}" for row in solver_rows.rows() if not kept_path(row, options).exists()]
+        lines = report(results) + (["", "Not measured:", "", *missing] if missing else [])
         (Path(options.out) / "solver_accuracy.md").write_text(PREFACE + "\n" + "\n".join(lines) + "\n")
     elif options.out:
-        say("part of the table, or other seeds: printed only")
+        say("other seeds, frames or options than the kept table's: printed only")
     return 0
 
 

@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+"""Time and memory of tessera-rig solve beside mrcal and OpenCV on the same simulated observations, in
+interleaved runs on one thread, and its growth with the number of observations. `make solver-bench` calls it;
+`make peers` installs the others, which are left out where they are missing.
+"""
+import argparse
+import importlib.util
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import peer_scene
+from solver_run import ROOT, rig_program, run, say, solve
+
+import truth_folder
+import truth_scenes
+import truth_score
+
+FOLDER = Path(__file__).resolve().parent
+SCENES = {"paper": ("paper", {}), "paper, 2 % outliers": ("paper", {"outliers": 0.02}), "ring": ("ring", {}),
+          "room": ("room", {})}
+# Frames of the paper's rig: 4,032 residuals each, so some 1e4, 1e5, 1e6 and 1e7 of them.
+GROWTH = (4, 25, 250, 2500)
+OURS = ("--model", "brown")
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", metavar="REGEX", default="^paper|^growth",
+                        help=f"of {', '.join(SCENES)}, growth (default: the paper's rig and growth)")
+    parser.add_argument("--programs", metavar="REGEX", default="", help="of tessera, opencv, mrcal")
+    parser.add_argument("--rounds", type=int, default=2, help="runs of each; the fastest counts")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--frames", type=int, help="instead of the rig's own number")
+    parser.add_argument("--residuals", type=float, default=1e7, help="end of the growth (default 1e7)")
+    parser.add_argument("--option", action="append", default=[], help="further option for tessera-rig solve")
+    parser.add_argument("--work", type=Path, default=ROOT / "build" / "solver_bench")
+    return parser.parse_args()
+
+
+def write_corners(path, scene):
+    """What mrcal-calibrate-cameras takes for the corners found in images."""
+    with open(path, "w") as file:
+        file.write("# filename x y level\n")
+        for (frame, camera), view in zip(scene["indices"].tolist(), scene["observations"]):
+            image = f"cam{camera}-{frame:05d}.jpg"
+            file.writelines(f"{image} {x:.6f} {y:.6f} 0\n" if weight > 0 else f"{image} - - -\n"
+                            for x, y, weight in view.reshape(-1, 3).tolist())
+
+
+def mrcal_tool(work):
+    """The command line of mrcal's own calibration tool for the saved scene."""
+    scene = peer_scene.load(work / "scene.npz")
+    write_corners(work / "corners.vnl", scene)
+    (work / "mrcal").mkdir(exist_ok=True)
+    rows, columns = scene["observations"].shape[1:3]
+    return ["mrcal-calibrate-cameras", "--corners-cache", work / "corners.vnl", "--lensmodel",
+            "LENSMODEL_OPENCV5", "--focal", float(scene["start_lenses"][0, 0]), "--imagersize",
+            *scene["sizes"][0].tolist(), "--object-spacing", float(scene["spacing"]), "--object-width-n", columns,
+            "--object-height-n", rows, "--skip-calobject-warp-solve", "--outdir", work / "mrcal",
+            *[f"cam{i}-*.jpg" for i in range(len(scene["sizes"]))]]
+
+
+def commands(work, cameras, options):
+    """Name -> command, and where its rig is written (None where that is not read)."""
+    scene, result = work / "scene.npz", work / "peer"
+    found = {"tessera-rig solve": ([rig_program(), "solve", work / "scene", "--out", work / "tessera", *OURS,
+                                    *options.option], work / "tessera" / "rig.json")}
+    if cameras == 2 and importlib.util.find_spec("cv2"):
+        found["OpenCV, two stages"] = ([sys.executable, FOLDER / "peer_opencv.py", scene, f"{result}-cv.json"],
+                                       Path(f"{result}-cv.json"))
+    if importlib.util.find_spec("mrcal"):
+        found["mrcal-calibrate-cameras"] = (mrcal_tool(work), None)
+        for way, words in (("seed", "mrcal, solver alone"), ("near", "mrcal, solver alone, started near")):
+            path = Path(f"{result}-{way}.json")
+            found[words] = ([sys.executable, FOLDER / "peer_mrcal.py", scene, path, way], path)
+    return {name: value for name, value in found.items() if re.search(options.programs, name)}
+
+
+def judged(scene, path):
+    """Errors in px and mm, and the seconds that a program says its solving took."""
+    rig = truth_score.RigFile(path, rig_program())
+    return (truth_score.projection_error_of_all(scene, rig), truth_score.pose_error_of_all(scene, rig)[0],
+            rig.content.get("solve_s"))
+
+
+def race(name, options):
+    kind, more = SCENES[name]
+    scene = truth_scenes.make(kind, options.seed, radius=0.0, frames=options.frames, **more)
+    truth_folder.write_folder(options.work / "scene", scene, sigma=False)
+    peer_scene.save(options.work / "scene.npz", scene)
+    entries = commands(options.work, len(scene.cameras), options)
+    best, errors = {}, {}
+    for number in range(options.rounds):
+        for program, (command, path) in entries.items():
+            done = run(command, timeout=7200)
+            say(f"    round {number + 1}, {program}: {done.cpu_s:.2f} s of the processor, {done.wall_s:.2f} on the wall")
+            if done.status:
+                say(f"    {program} failed: {done.complaint}")
+                continue
+            before = best.get(program, (float("inf"),) * 3)
+            solving = done.cpu_s
+            if path:
+                *errors[program], said = judged(scene, path)
+                solving = said or done.cpu_s
+            best[program] = (min(before[0], done.cpu_s), min(before[1], solving), done.peak_mb)
+    ours = best.get("tessera-rig solve", (float("nan"),) * 3)[0]
+    print(f"\n{name}: {len(scene.camera)} observations, {len(scene.cameras)} cameras, "
+          f"{len(scene.poses[0])} frames; points, noise {scene.noise} px; best of {options.rounds}")
+    print(f"{'':34} {'CPU s':>8} {'of it solving':>14} {'over ours':>10} {'peak MB':>8} {'px':>9} {'mm':>9}")
+    for program, (cpu, solving, peak) in best.items():
+        # All of ours, which reads text and writes pictures, against the part that solves of the others.
+        px, mm = errors.get(program, (float("nan"),) * 2)
+        print(f"{program:34} {cpu:8.2f} {solving:14.2f} {solving / ours:10.2f} {peak:8.0f} {px:9.5f} {mm:9.5f}")
+    sys.stdout.flush()
+
+
+def grow(options):
+    print(f"\ngrowth: tessera-rig solve {' '.join([*OURS, *options.option])}, the paper's rig with more frames")
+    print(f"{'frames':>8} {'residuals':>10} {'CPU s':>8} {'us a residual':>14} {'peak MB':>8}", flush=True)
+    for frames in GROWTH:
+        if frames * 4032 > 1.1 * options.residuals:
+            break
+        scene = truth_scenes.make("paper", options.seed, radius=0.0, frames=frames)
+        truth_folder.write_folder(options.work / "scene", scene, sigma=False)
+        residuals = 2 * len(scene.camera)
+        del scene
+        runs = [solve(options.work / "scene", options.work / "tessera", [*OURS, *options.option])
+                for _ in range(options.rounds if frames < 1000 else 1)]
+        if any(done.status for done in runs):
+            print(f"{frames:8} {residuals:10} refused: {runs[-1].complaint}", flush=True)
+            continue
+        cpu = min(done.cpu_s for done in runs)
+        print(f"{frames:8} {residuals:10} {cpu:8.2f} {1e6 * cpu / residuals:14.2f} {runs[-1].peak_mb:8.0f}",
+              flush=True)
+
+
+def main():
+    options = arguments()
+    options.work.mkdir(parents=True, exist_ok=True)
+    if not importlib.util.find_spec("mrcal"):
+        say("mrcal is not installed (make peers); its lines are left out")
+    try:
+        for name in [name for name in SCENES if re.search(options.only, name)]:
+            say(name)
+            race(name, options)
+        if re.search(options.only, "growth"):
+            grow(options)
+    except (OSError, RuntimeError, json.JSONDecodeError) as error:
+        print(f"solver_bench: {error}", file=sys.stderr)
+        return 1
+    shutil.rmtree(options.work / "scene", ignore_errors=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
