@@ -58,7 +58,8 @@ def measure(row, seed, work, frames=None, more=()):
     if done.status:
         return None, reference, f"seed {seed}: {done.complaint}"
     ours = errors_of(scene, row, truth_score.RigFile(work / "result" / "rig.json", rig_program()))
-    return ours, reference, f"px {ours['px']:.5f} / {reference['px']:.5f}, mm {ours['mm']:.5f} / {reference['mm']:.5f}"
+    words = [f"{key} {ours[key]:.5f} / {reference[key]:.5f}" for key in ("px", "mm")]
+    return ours, reference, ", ".join(words)
 
 
 def measure_row(row, options):

@@ -96,7 +96,8 @@ def race(name, options):
     for number in range(options.rounds):
         for program, (command, path) in entries.items():
             done = run(command, timeout=7200)
-            say(f"    round {number + 1}, {program}: {done.cpu_s:.2f} s of the processor, {done.wall_s:.2f} on the wall")
+            say(f"    round {number + 1}, {program}: {done.cpu_s:.2f} s of the processor, "
+                f"{done.wall_s:.2f} on the wall")
             if done.status:
                 say(f"    {program} failed: {done.complaint}")
                 continue
