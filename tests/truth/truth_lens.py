@@ -46,7 +46,7 @@ def field_jacobian(camera, pixels):
     return out
 
 
-def bend(camera, points, out=None):
+def bend(camera, points):
     """x, y on the plane z = 1 after distortion, (..., 2); nan behind the camera."""
     if camera["model"] == "fisheye":
         d = camera["distortion"]

@@ -19,3 +19,9 @@ solver-bench: $(BIN)/tessera-rig
 .PHONY: peers
 peers:
 	@tools/setup/deps.sh test peers
+
+# The paper's rig once, as part of `make bench`.
+.PHONY: solver-race
+solver-race: $(BIN)/tessera-rig
+	@$(PYTHON) tools/solver_bench/solver_bench.py --only '^paper$$' --rounds 1
+bench: solver-race
