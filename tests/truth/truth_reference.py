@@ -179,10 +179,11 @@ def _reduce(system):
 def solve(scene, surface="known", spline=(12, 8), steps=25):
     """Levenberg-Marquardt: the coefficients of a rational lens stand in for one another, and a full step
     along that valley would leave it. Ends when a step lowers chi-square by less than 0.05, a fifth of one
-    sigma along one of many unknowns; raises where that takes more than `steps` steps."""
+    sigma along one of many unknowns. Of a valley so flat that its end is not reached in `steps` steps, that
+    part near the truth is as good as any, if a step gains less than 1, one sigma; otherwise raises."""
     system = _System(scene, surface, spline)
     used = 2 * sum(map(len, system.parts))
-    damping, chi2 = 0.0, np.inf
+    damping, chi2, gain = 0.0, np.inf, np.inf
     for count in range(1, steps + 1):
         now = _reduce(system)
         if now[-1] / scene.noise**2 < chi2:
@@ -200,7 +201,9 @@ def solve(scene, surface="known", spline=(12, 8), steps=25):
         step = -scale * np.linalg.solve(matrix + damping * np.eye(len(right)), right)
         system.move(step, -(solved[..., :-1] @ step + solved[..., -1]))
     else:
-        raise RuntimeError(f"the reference has not settled after {steps} steps")
+        system.restore(kept)
+        if gain > 1:
+            raise RuntimeError(f"the reference has not settled after {steps} steps")
     inverse = np.linalg.inv(matrix) * scale * scale[:, None]
     return Solution(system.cameras, (system.turn, system.shift), system.points[:, 2],
                     inverse * scene.noise**2, system.lens_at, system.pose_at,

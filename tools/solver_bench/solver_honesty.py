@@ -64,6 +64,8 @@ def spread(draws, kind):
 
 def verdict(value, width):
     """`scatter`: outside the bounds, but within two widths of them."""
+    if not math.isfinite(value):
+        return "NO RAY"  # a lens that has none for a pixel of the image
     if LOW <= value <= HIGH:
         return "ok"
     return "scatter" if LOW - 2 * width <= value <= HIGH + 2 * width else "OVER" if value > HIGH else "UNDER"
