@@ -10,12 +10,14 @@ gather_SRC := \
 $(eval $(call library,gather))
 
 host_SRC := \
+  host/base/bspline.cc \
   host/base/chi_square.cc \
   host/base/csv.cc \
   host/base/pose.cc \
   host/base/whole_file.cc \
   host/model/camera.cc \
   host/model/camera_unproject.cc \
+  host/model/spline_field.cc \
   host/assoc/instants.cc \
   host/obs/digest.cc \
   host/obs/observations_file.cc \

@@ -184,4 +184,24 @@ bool project_formula(CameraModel model, const double* intrinsics, const Eigen::V
     return true;
 }
 
+bool project_lens(const Camera& lens, const double* intrinsics, const Eigen::Vector3d& point_mm,
+                  Eigen::Vector2d* pixel, ProjectionJacobian* jacobian)
+{
+    if (!project_formula(lens.model, intrinsics, point_mm, pixel, jacobian)) {
+        return false;
+    }
+    if (!lens.field.empty()) {
+        Eigen::Matrix2d slope;
+        *pixel += lens.field.at(*pixel, &slope);
+        if (jacobian != nullptr) {
+            slope += Eigen::Matrix2d::Identity();
+            jacobian->by_point = slope * jacobian->by_point;
+            auto by_intrinsics =
+                jacobian->by_intrinsics.leftCols(kPinholeCount + distortion_count(lens.model));
+            by_intrinsics = (slope * by_intrinsics).eval();
+        }
+    }
+    return true;
+}
+
 }  // namespace rig

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "host/model/spline_field.h"
+
 namespace rig {
 
 // Value of each is fixed only in this program; files carry the names.
@@ -39,10 +41,15 @@ struct ProjectionJacobian {
 bool project_formula(CameraModel model, const double* intrinsics, const Eigen::Vector3d& point_mm,
                      Eigen::Vector2d* pixel, ProjectionJacobian* jacobian);
 
-// A calibrated lens as a value.
+// A calibrated lens as a value. With a field it is a `spline` lens: model and intrinsics are its
+// parametric part.
 struct Camera {
     CameraModel model = CameraModel::kBrown;
     std::vector<double> intrinsics;  // fx fy cx cy, then distortion_count(model) coefficients
+    SplineField field = {};
+
+    // What files call the lens: the model's name, or spline.
+    std::string_view name() const { return field.empty() ? camera_model_name(model) : "spline"; }
 
     // Radius at which the distortion first folds back (r/z; fisheye: angle from the axis, rad):
     // beyond it one pixel would have two rays. At most 100 (fisheye: pi).
@@ -58,5 +65,10 @@ struct Camera {
     Eigen::Vector3d unproject(const Eigen::Vector2d& pixel) const;
     Eigen::Vector3d unproject(const Eigen::Vector2d& pixel, double fold) const;
 };
+
+// The formula of a whole lens, field included, for other intrinsics than its own: project_formula for
+// a lens without a field. Derivatives are for a field that is held.
+bool project_lens(const Camera& lens, const double* intrinsics, const Eigen::Vector3d& point_mm,
+                  Eigen::Vector2d* pixel, ProjectionJacobian* jacobian);
 
 }  // namespace rig

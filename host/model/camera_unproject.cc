@@ -117,7 +117,7 @@ Eigen::Vector2d Camera::project(const Eigen::Vector3d& point_mm, double fold) co
     const double radius = model == CameraModel::kFisheye ? std::atan2(across, point_mm.z())
                                                          : across / point_mm.z();
     if (!point_mm.allFinite() || !(radius >= 0.0) || radius > fold
-        || !project_formula(model, intrinsics.data(), point_mm, &pixel, nullptr)) {
+        || !project_lens(*this, intrinsics.data(), point_mm, &pixel, nullptr)) {
         return {kNan, kNan};
     }
     return pixel;
@@ -128,10 +128,11 @@ Eigen::Vector3d Camera::unproject(const Eigen::Vector2d& pixel) const
     return unproject(pixel, fold_radius());
 }
 
-// Newton's method on the plane coordinates, each step halved until the distance shrinks. Ends when a
+// The field first. Then Newton's method on the plane coordinates, each step halved until the distance shrinks. Ends when a
 // step no longer helps; whether that is a solution is asked of the result alone.
-Eigen::Vector3d Camera::unproject(const Eigen::Vector2d& pixel, double fold) const
+Eigen::Vector3d Camera::unproject(const Eigen::Vector2d& seen, double fold) const
 {
+    const Eigen::Vector2d pixel = field.empty() ? seen : field.undo(seen);
     const Eigen::Vector2d focal(intrinsics[0], intrinsics[1]);
     Eigen::Vector2d at = (pixel - Eigen::Vector2d(intrinsics[2], intrinsics[3])).cwiseQuotient(focal);
     if (at.norm() > 0.9 * fold) {
