@@ -27,8 +27,12 @@ host_SRC := \
   host/solve/bundle.cc \
   host/solve/change.cc \
   host/solve/circle_centre.cc \
+  host/solve/enrich.cc \
   host/solve/facing.cc \
   host/solve/frame_quadratic.cc \
+  host/solve/flexible.cc \
+  host/solve/flexible_system.cc \
+  host/solve/heldout.cc \
   host/solve/hand_eye.cc \
   host/solve/intrinsics.cc \
   host/solve/pose_graph.cc \
@@ -42,6 +46,7 @@ host_SRC := \
   host/solve/scale.cc \
   host/solve/seed_opencv.cc \
   host/solve/swapped.cc \
+  host/solve/surface.cc \
   host/solve/uncertainty.cc \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \
@@ -60,6 +65,7 @@ host_SRC := \
   host/report/reach.cc \
   host/report/rig_file.cc \
   host/report/sensitivity.cc \
+  host/report/spline_json.cc \
   host/report/statistics.cc \
   host/report/summary.cc \
   host/report/uncertainty_report.cc \

@@ -5,6 +5,7 @@
 
 #include "common/version.h"
 #include "host/report/covariance_json.h"
+#include "host/report/spline_json.h"
 
 namespace rig {
 namespace {
@@ -46,12 +47,16 @@ ordered_json camera_json(const SceneCamera& known, const Solution& solution, std
     const Camera& lens = solution.state.lenses[camera];
     const std::vector<double>& numbers = lens.intrinsics;
     ordered_json out{{"name", known.name}, {"width", known.width_px}, {"height", known.height_px}};
-    out["model"] = camera_model_name(lens.model);
+    out["model"] = lens.name();
     const std::vector<std::string> names = intrinsics_names(lens.model);
     for (std::size_t i = 0; i < kPinholeCount; ++i) {
         out[names[i]] = numbers[i];
     }
     out["distortion"] = std::vector<double>(numbers.begin() + kPinholeCount, numbers.end());
+    if (!lens.field.empty()) {
+        out["base"] = camera_model_name(lens.model);
+        out["spline"] = field_json(lens.field);
+    }
     out["cam_from_rig"] = pose_json(pose_exp(solution.state.cam_from_rig[camera]));
     if (solution.gauge_cameras.size() > 1) {
         out["part"] = solution.part_of_camera[camera];

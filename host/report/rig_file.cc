@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "host/report/covariance_json.h"
+#include "host/report/spline_json.h"
 
 namespace rig {
 namespace {
@@ -43,9 +44,20 @@ Result<RigCamera> read_camera(const ordered_json& entry, const std::string& wher
         *out = value;
     }
     const ordered_json name = entry.value("model", ordered_json());
-    const auto model = camera_model_from_name(name.is_string() ? name.get<std::string>() : "");
+    const bool spline = name == "spline";
+    const ordered_json base = spline ? entry.value("base", ordered_json()) : name;
+    const auto model = camera_model_from_name(base.is_string() ? base.get<std::string>() : "");
     if (!model) {
-        return fault("'model' is not one of brown, rational, thin-prism, fisheye");
+        return fault(std::string(spline ? "'base'" : "'model'")
+                     + " is not one of brown, rational, thin-prism, fisheye"
+                     + (spline ? "" : ", spline"));
+    }
+    if (spline) {
+        Result<SplineField> field = read_field(entry.value("spline", ordered_json()), where);
+        if (!field.ok()) {
+            return field.status();
+        }
+        camera.lens.field = field.value();
     }
     camera.lens.model = *model;
     const std::vector<std::string> names = intrinsics_names(*model);

@@ -25,8 +25,9 @@ struct SolveArguments {
     std::vector<std::string> inputs;
     std::vector<std::string> targets;
     std::string out;
-    std::string model = "brown";
+    std::string model = "auto";
     double tolerance_us = -1.0;
+    bool flat = false;
     bool partial = false;
     std::string prior;
     bool prior_poses = false;
@@ -51,7 +52,8 @@ Origin origin_of(const SolveArguments& arguments, const Scene& scene)
     if (arguments.tolerance_us >= 0.0) {
         origin.command += fmt::format(" --sync-tolerance-us {}", arguments.tolerance_us);
     }
-    origin.command += " --model " + arguments.model + (arguments.partial ? " --partial" : "");
+    origin.command += " --model " + arguments.model + (arguments.flat ? " --flat" : "")
+                      + (arguments.partial ? " --partial" : "");
     if (!arguments.prior.empty()) {
         origin.command += " --prior " + arguments.prior + (arguments.prior_poses ? " --prior-poses" : "");
     }
@@ -146,7 +148,9 @@ Status solve(const SolveArguments& arguments)
     say(fmt::format("read {} observations of {} cameras", scene.value().observations.size(),
                     scene.value().cameras.size()));
     SolveOptions options;
-    options.model = *camera_model_from_name(arguments.model);
+    options.choose_lens = arguments.model == "auto";
+    options.model = options.choose_lens ? CameraModel::kBrown : *camera_model_from_name(arguments.model);
+    options.flat = arguments.flat;
     options.partial = arguments.partial;
     options.threads = arguments.threads;
     Prior prior;
@@ -174,13 +178,14 @@ void add_solve(CLI::App& app)
     command->add_option("--target", arguments->targets, "Target file of the journals; may be repeated");
     command->add_option("--out", arguments->out, "Folder for rig.json, summary.txt and pictures")
         ->required();
-    command->add_option("--model", arguments->model, "Lens model of all cameras")
-        ->check(CLI::IsMember({"brown", "rational", "thin-prism", "fisheye"}))
+    command->add_option("--model", arguments->model, "Lens model of all cameras; auto: brown, and richer where held-out frames gain by it")
+        ->check(CLI::IsMember({"auto", "brown", "rational", "thin-prism", "fisheye"}))
         ->capture_default_str();
     command->add_option("--sync-tolerance-us", arguments->tolerance_us,
                         "Captures of journals this close make one instant; a tenth of the frame interval "
                         "where not given")
         ->check(CLI::Range(0.0, 1e9));
+    command->add_flag("--flat", arguments->flat, "Hold the boards flat");
     command->add_flag("--partial", arguments->partial,
                       "Solve each connected part by itself when not all cameras are connected");
     CLI::Option* prior = command->add_option(

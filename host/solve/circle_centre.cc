@@ -83,23 +83,24 @@ Eigen::Vector2d conic_centre(const Samples& edge)
 }  // namespace
 
 Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_board,
-                                     const Eigen::Vector3d& centre_mm, double radius_mm)
+                                     const Eigen::Vector3d& centre_mm, double radius_mm,
+                                     const Eigen::Vector2d& slope)
 {
     const Eigen::Vector2d none = Eigen::Vector2d::Zero();
     Eigen::Vector2d image_of_centre;
     if (radius_mm == 0.0
-        || !project_formula(lens.model, lens.intrinsics.data(), cam_from_board * centre_mm,
-                            &image_of_centre, nullptr)) {
+        || !project_lens(lens, lens.intrinsics.data(), cam_from_board * centre_mm, &image_of_centre,
+                         nullptr)) {
         return none;
     }
     // Relative to the image of the centre: small numbers keep their digits.
     const Samples& unit = unit_circle();
     Samples edge;
     for (int k = 0; k < kSamples; ++k) {
-        const Eigen::Vector3d at(centre_mm.x() + radius_mm * unit(0, k),
-                                 centre_mm.y() + radius_mm * unit(1, k), centre_mm.z());
+        const Eigen::Vector2d step = radius_mm * unit.col(k);
+        const Eigen::Vector3d at = centre_mm + Eigen::Vector3d(step.x(), step.y(), slope.dot(step));
         Eigen::Vector2d pixel;
-        if (!project_formula(lens.model, lens.intrinsics.data(), cam_from_board * at, &pixel, nullptr)) {
+        if (!project_lens(lens, lens.intrinsics.data(), cam_from_board * at, &pixel, nullptr)) {
             return none;
         }
         edge.col(k) = pixel - image_of_centre;

@@ -7,11 +7,13 @@
 
 namespace rig {
 
-// Centre of the ellipse that fits the imaged edge of a circle in the board's plane z = constant, less
+// Centre of the ellipse that fits the imaged edge of a circle on the board, less
 // the image of its centre; px. The ellipse is the algebraic least-squares fit to edge points spread
-// evenly along the edge in the image, which is what a detector's edge pixels are. Zero for radius 0,
+// evenly along the edge in the image, which is what a detector's edge pixels are. The board rises there
+// by `slope` along its x and y: zero in the plane z = constant. Zero for radius 0,
 // and where the edge has no image.
 Eigen::Vector2d circle_centre_offset(const Camera& lens, const Pose& cam_from_board,
-                                     const Eigen::Vector3d& centre_mm, double radius_mm);
+                                     const Eigen::Vector3d& centre_mm, double radius_mm,
+                                     const Eigen::Vector2d& slope = Eigen::Vector2d::Zero());
 
 }  // namespace rig

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "host/base/parallel.h"
+#include "host/solve/enrich.h"
 #include "host/solve/facing.h"
 #include "host/solve/intrinsics.h"
 #include "host/solve/moved.h"
@@ -361,6 +362,7 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return Status::failure("the joint solution does not settle; record more views");
     }
     solution.noise_factor = refined.noise_factor;
+    enrich(scene, options, progress, &solution);
     status = check_support(scene, options.prior, connection, alone_px, solution);
     if (!status.ok()) {
         return status;

@@ -5,6 +5,7 @@
 
 #include "host/base/status.h"
 #include "host/solve/covariance.h"
+#include "host/solve/heldout.h"
 #include "host/solve/intrinsics.h"
 #include "host/solve/robust.h"
 
@@ -14,6 +15,8 @@ struct Prior;
 
 struct SolveOptions {
     CameraModel model = CameraModel::kBrown;
+    bool choose_lens = false;  // go beyond `model` where held-out instants gain by it
+    bool flat = false;         // boards are held flat
     bool partial = false;  // solve each connected part by itself when not all cameras are connected
     int threads = 1;       // does not change the result
     const Prior* prior = nullptr;  // matched with the scene; borrowed; null: none
@@ -35,6 +38,7 @@ struct Solution {
     ViewSet set;                   // views of the solved cameras, with sigmas, offsets, used points
     RigState state;                // indexed by scene camera
     std::vector<double> noise_factor;      // by scene camera
+    ModelChoice choice;
     std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
     RigCovariance covariance;      // of all of them together, scaled alike; by scene camera
 };

@@ -116,10 +116,16 @@ double update_centre_offsets(const RigState& state, int threads, std::vector<Vie
         if (offsets_stand(lens, pose, view, &largest[i])) {
             return;
         }
+        const Surface* surface = surface_of(state, view.board);
         for (ViewPoint& point : view.points) {
             if (point.radius_mm > 0.0f) {
+                Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+                if (surface != nullptr) {
+                    bspline_value(surface->grid, surface->control.data(), point.at_mm.head<2>(), &slope);
+                }
                 const Eigen::Vector2f offset =
-                    circle_centre_offset(lens, pose, point.at_mm, static_cast<double>(point.radius_mm))
+                    circle_centre_offset(lens, pose, point.at_mm, static_cast<double>(point.radius_mm),
+                                         slope)
                         .cast<float>();
                 const double moved = static_cast<double>((offset - point.centre_offset_px).norm());
                 largest[i] = std::max(largest[i], moved);
@@ -203,31 +209,39 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
     return true;
 }
 
-RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
+RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state)
 {
     RefineResult result;
-    if (!approach(options, *views, state)) {
-        return result;
-    }
     // Centre offsets, sigmas and the set of points are held during a solve. They change by a
     // thousandth of what the state does, so that two rounds are the rule.
-    BundleOptions near = options;
-    near.trust = kTrustNear;
-    near.iterations_max = kIterationsNear;
     for (int round = 0; round < kPlainRounds; ++round) {
-        const double moved = update_centre_offsets(*state, options.threads, views);
-        result.noise_factor = noise_factors(*state, options.threads, *views);
+        const double moved = update_centre_offsets(*state, threads, views);
+        result.noise_factor = noise_factors(*state, threads, *views);
         const bool weighed = update_sigmas(&result.noise_factor, views);
-        const bool changed = select_points(*state, result.noise_factor, options.threads, views);
+        const bool changed = select_points(*state, result.noise_factor, threads, views);
         if (round > 0 && !weighed && !changed && moved < kOffsetSettledPx) {
             break;
         }
-        if (!bundle(*views, near, state).usable) {
+        if (!solve(views, state)) {
             return result;
         }
     }
     result.converged = true;
     return result;
+}
+
+RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
+{
+    if (!approach(options, *views, state)) {
+        return RefineResult();
+    }
+    BundleOptions near = options;
+    near.trust = kTrustNear;
+    near.iterations_max = kIterationsNear;
+    const auto solve = [&](std::vector<View>* own, RigState* moved) {
+        return bundle(*own, near, moved).usable;
+    };
+    return settle(solve, options.threads, views, state);
 }
 
 }  // namespace rig

@@ -2,6 +2,8 @@
 // plain least squares over the points that agree with it.
 #pragma once
 
+#include <functional>
+
 #include "host/solve/bundle.h"
 
 namespace rig {
@@ -29,6 +31,11 @@ RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigS
 // The robust rounds alone, on at most kApproachPoints of each view: a loss whose scale follows the
 // residuals down until they stop shrinking. False when no step led to a usable state.
 bool approach(const BundleOptions& options, const std::vector<View>& views, RigState* state);
+
+// The plain rounds alone, with any solver: centre offsets, sigmas and the set of used points are brought
+// up to date and `solve` is called, until nothing changes. `solve` may move points; false: it failed.
+using Solve = std::function<bool(std::vector<View>*, RigState*)>;
+RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state);
 
 // Sets each circle's centre_offset_px for the present state. Returns the largest change, px.
 double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views);

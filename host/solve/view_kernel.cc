@@ -45,7 +45,7 @@ bool residual_of(const ViewPoint& point, const Camera& lens, const Pose& pose, E
                  ProjectionJacobian* jacobian)
 {
     Eigen::Vector2d pixel;
-    if (!project_formula(lens.model, lens.intrinsics.data(), pose * point.at_mm, &pixel, jacobian)) {
+    if (!project_lens(lens, lens.intrinsics.data(), pose * point.at_mm, &pixel, jacobian)) {
         return false;
     }
     *residual = (pixel + point.centre_offset_px.cast<double>() - point.pixel)
@@ -95,6 +95,9 @@ bool quadratic_by_formula(const View& view, const Camera& lens, const Pose& pose
 bool local_quadratic(const View& view, const Camera& lens, const Pose& cam_from_board, double cauchy,
                      bool derive, LocalQuadratic* out)
 {
+    if (!lens.field.empty()) {
+        return quadratic_by_formula(view, lens, cam_from_board, cauchy, derive, out);
+    }
     switch (lens.model) {
         case CameraModel::kBrown:
             return quadratic_brown(view, lens, cam_from_board, cauchy, derive, out);
@@ -111,7 +114,7 @@ void view_residuals(const View& view, const Camera& lens, const Pose& cam_from_b
                     Eigen::Matrix2Xd* residuals)
 {
     residuals->resize(2, static_cast<Eigen::Index>(view.points.size()));
-    switch (lens.model) {
+    switch (lens.field.empty() ? lens.model : CameraModel::kFisheye) {
         case CameraModel::kBrown:
             return residuals_brown(view, lens, cam_from_board, residuals->data());
         case CameraModel::kRational:

@@ -46,6 +46,12 @@ double jitter(std::size_t k)
 
 }  // namespace
 
+const Surface* surface_of(const RigState& state, int board)
+{
+    const auto at = static_cast<std::size_t>(board);
+    return at < state.surfaces.size() && !state.surfaces[at].empty() ? &state.surfaces[at] : nullptr;
+}
+
 Pose rig_from_board(const RigState& state, const View& view)
 {
     const Pose rig_from_body = pose_exp(state.rig_from_body[view.pose]);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "host/base/bspline.h"
 #include "host/base/pose.h"
 #include "host/model/camera.h"
 #include "host/obs/observation.h"
@@ -53,13 +54,25 @@ struct ViewSet {
     std::map<std::string, std::size_t> rejected;  // observations in no view, by reason
 };
 
+// A board's height over its plane z = constant, mm; see surface.h.
+struct Surface {
+    BsplineGrid grid;             // mm, board frame
+    std::vector<double> control;  // mm; empty: flat
+
+    bool empty() const { return control.empty(); }
+};
+
 // What is solved for. Gauge: cam_from_rig of the first camera of each part stays the identity.
 struct RigState {
     std::vector<Camera> lenses;
     std::vector<Vector6> cam_from_rig;     // six numbers as in pose.h
     std::vector<Vector6> rig_from_body;    // one per ViewSet::poses
     std::vector<Vector6> body_from_board;  // one per ViewSet::members
+    std::vector<Surface> surfaces = {};    // by scene board; may be shorter: the others are flat
 };
+
+// Null for a flat board.
+const Surface* surface_of(const RigState& state, int board);
 
 // The pose of a view's board in the rig and in its camera.
 Pose rig_from_board(const RigState& state, const View& view);
