@@ -51,6 +51,7 @@ host_SRC := \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \
   host/solve/views.cc \
+  host/report/choice_report.cc \
   host/report/compare.cc \
   host/report/compare_rows.cc \
   host/report/compare_text.cc \
@@ -68,6 +69,7 @@ host_SRC := \
   host/report/spline_json.cc \
   host/report/statistics.cc \
   host/report/summary.cc \
+  host/report/surface_picture.cc \
   host/report/uncertainty_report.cc \
 
 $(eval $(call library,host))

@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "common/version.h"
+#include "host/report/choice_report.h"
 #include "host/report/covariance_json.h"
 #include "host/report/spline_json.h"
 
@@ -156,10 +157,14 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
     out["volume_mm"] = {{"from", list(statistics.reach.from_mm)}, {"to", list(statistics.reach.to_mm)}};
     out["covariance"] = all_covariance(scene, solution);
     out["boards"] = ordered_json::array();
-    for (const Board& board : scene.boards) {
-        out["boards"].push_back({{"name", board.name}, {"surface", nullptr}, {"scale", board.scale}});
+    for (std::size_t b = 0; b < scene.boards.size(); ++b) {
+        const Surface* surface = surface_of(solution.state, static_cast<int>(b));
+        out["boards"].push_back(
+            {{"name", scene.boards[b].name},
+             {"surface", surface_json(surface != nullptr ? *surface : Surface(), scene.boards[b])}});
     }
     out["frames"] = frames_json(scene, solution);
+    out["held_out"] = choice_json(solution.choice);
     out["left_out"] = solution.left_out;
     ordered_json inputs = ordered_json::array();
     for (const InputFile& input : origin.inputs) {

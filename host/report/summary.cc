@@ -7,6 +7,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "host/report/choice_report.h"
+
 namespace rig {
 namespace {
 
@@ -141,6 +143,10 @@ std::string weak_spots(const ordered_json& rig)
     for (const ordered_json& sentence : rig.at("left_out")) {
         fmt::format_to(out, "- left out: {}\n", sentence.get<std::string>());
     }
+    const std::string held_out = choice_warning(rig);
+    if (!held_out.empty()) {
+        fmt::format_to(out, "- {}\n", held_out);
+    }
     for (const ordered_json& camera : rig.at("cameras")) {
         const std::string name = camera.at("name");
         const ordered_json& deviation = camera.at("standard_deviation");
@@ -250,6 +256,10 @@ Result<std::string> summary_text(const ordered_json& rig, const std::string& sou
             fmt::format_to(out, "    {:>9}  {}\n", item.value().get<std::int64_t>(), item.key());
         }
         lenses(rig, out);
+        const std::string models = choice_text(rig);
+        if (!models.empty()) {
+            text += "\nModels\n" + models;
+        }
         views(rig, out);
         scale(rig, out);
         advice(rig, out);

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -14,6 +15,7 @@
 #include "host/report/picture.h"
 #include "host/report/rig_file.h"
 #include "host/report/summary.h"
+#include "host/report/surface_picture.h"
 #include "host/rig/commands.h"
 #include "host/solve/prior.h"
 #include "host/solve/rig.h"
@@ -131,6 +133,15 @@ Status write_result(const SolveArguments& arguments, const Scene& scene, const S
         const SceneCamera& camera = scene.cameras[static_cast<std::size_t>(solution.cameras[i])];
         status = write_whole_file((folder / ("residuals-" + camera.name + ".png")).string(),
                                   residual_png(scene, solution, statistics, i));
+    }
+    for (std::size_t b = 0; b < scene.boards.size() && status.ok(); ++b) {
+        const Surface* surface = surface_of(solution.state, static_cast<int>(b));
+        if (surface != nullptr) {
+            std::string name = scene.boards[b].name;  // may be a path
+            std::replace(name.begin(), name.end(), '/', '_');
+            status = write_whole_file((folder / ("surface-" + name + ".png")).string(),
+                                      surface_png(*surface, scene.boards[b]));
+        }
     }
     if (status.ok()) {
         std::fputs(summary.value().c_str(), stdout);
