@@ -125,19 +125,31 @@ public:
         return ((rich.first_gain - simple.first_gain) / variance - more) / std::sqrt(2.0 * more);
     }
 
-    // t over its quantile for the instants' squares before and after, over some cameras.
+    // t over its quantile for the instants' squares before and after, over some cameras; 0 where the
+    // sum does not fall.
     double significance(const Fitted& before, const Fitted& after, const std::vector<char>& cameras) const
     {
-        Eigen::VectorXd gain = Eigen::VectorXd::Zero(before.squares.rows());
+        Eigen::VectorXd simple = Eigen::VectorXd::Zero(before.squares.rows());
+        Eigen::VectorXd rich = simple;
         for (std::size_t c = 0; c < cameras.size(); ++c) {
-            const auto column = static_cast<Eigen::Index>(c);
             if (cameras[c]) {
-                gain += before.squares.col(column) - after.squares.col(column);
+                simple += before.squares.col(static_cast<Eigen::Index>(c));
+                rich += after.squares.col(static_cast<Eigen::Index>(c));
             }
+        }
+        std::vector<double> gains;
+        for (Eigen::Index i = 0; i < simple.size(); ++i) {
+            if (simple[i] > 0.0 && rich[i] > 0.0) {
+                gains.push_back(std::log(simple[i] / rich[i]));
+            }
+        }
+        const Eigen::Map<const Eigen::ArrayXd> gain(gains.data(), static_cast<Eigen::Index>(gains.size()));
+        if (gain.size() < kChoiceInstantsMin || !(rich.sum() < simple.sum())) {
+            return 0.0;
         }
         const auto count = static_cast<double>(gain.size());
         const double mean = gain.mean();
-        const double deviation = std::sqrt((gain.array() - mean).square().sum() / (count - 1.0));
+        const double deviation = std::sqrt((gain - mean).square().sum() / (count - 1.0));
         if (!(deviation > 0.0)) {
             return 0.0;
         }

@@ -6,11 +6,14 @@
 // exchanged, so that every instant is predicted once. A model that follows noise loses there what it
 // gains where it was fitted.
 //
-// The rule. For two models, d_f is the difference of an instant's squared residuals, simple less rich.
-// Instants are independent of each other, so t = mean(d) / (std(d) / sqrt(instants)) follows Student's
-// distribution if the richer model gains nothing; it is taken when t lies beyond the quantile of one in a
-// thousand. What an instant's residuals have in common (one pose, one part of the image) is inside d_f
-// and does no harm. A camera's lens is judged by that camera's residuals, a board's surface by all.
+// The rule. For two models, d_f = log(S_simple / S_rich) of an instant's sums of squared residuals. The
+// logarithm, because misfits are large in a few instants (a board in a far corner): a plain difference
+// is as large as its own deviation then, however plain the gain. Instants are independent of each other,
+// so t = mean(d) / (std(d) / sqrt(instants)) follows Student's distribution if the richer model gains
+// nothing; it is significant when t lies beyond the quantile of one in a thousand, and taken when the sum
+// over all instants is smaller as well. What an instant's residuals have in common (one pose, one part of
+// the image) is inside d_f and does no harm. A camera's lens is judged by that camera's residuals, a
+// board's surface by all.
 //
 // The order. From the simplest model on, each step tries the next richer lenses and the next finer
 // surface, and takes the one that gains most, until none does. It is not begun where the first steps of
