@@ -38,6 +38,7 @@ host_SRC := \
   host/solve/pose_graph.cc \
   host/solve/robust.cc \
   host/solve/lens_change.cc \
+  host/solve/lens_prior.cc \
   host/solve/moved.cc \
   host/solve/pose_chain.cc \
   host/solve/prior.cc \

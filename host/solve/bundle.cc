@@ -16,6 +16,7 @@
 #include <set>
 
 #include "host/base/parallel.h"
+#include "host/solve/lens_prior.h"
 #include "host/solve/prior.h"
 #include "host/solve/view_cost.h"
 
@@ -209,6 +210,10 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
         const Camera& lens = state->lenses[camera];
         double* intrinsics = parameters.lens(camera);
         const std::vector<int> held = held_intrinsics(lens.model, options.lens);
+        auto prior = std::make_unique<LensPriorCost>(lens.model);
+        if (options.lens == LensFreedom::kAll && prior->num_residuals() > 0) {
+            problem.AddResidualBlock(prior.release(), nullptr, intrinsics);
+        }
         if (options.lens == LensFreedom::kNone) {
             problem.SetParameterBlockConstant(intrinsics);
         } else if (!held.empty()) {

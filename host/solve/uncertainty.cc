@@ -16,6 +16,7 @@
 
 #include <cmath>
 
+#include "host/solve/lens_prior.h"
 #include "host/solve/pose_chain.h"
 #include "host/solve/prior.h"
 
@@ -113,6 +114,14 @@ Information gather(const Solution& solution, const RigCovariance& places)
     const Eigen::Index size = members + 6 * static_cast<Eigen::Index>(state.body_from_board.size());
     Information out;
     out.schur = Eigen::MatrixXd::Zero(size, size);
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        const std::vector<double> deviations = lens_prior_deviations(state.lenses[c].model);
+        for (std::size_t i = 0; i < deviations.size(); ++i) {
+            const Eigen::Index at = places.lens[c] + static_cast<Eigen::Index>(i);
+            out.schur(at, at) += deviations[i] > 0.0 ? 1.0 / (deviations[i] * deviations[i]) : 0.0;
+        }
+    }
     std::map<std::size_t, PosePart> parts;
     for (const View& view : solution.set.views) {
         const auto c = static_cast<std::size_t>(view.camera);

@@ -148,6 +148,20 @@ def test_other_lenses_are_recovered(model, tmp_path):
         assert np.sqrt(((miss - miss.mean(axis=0))**2).sum(axis=1).mean()) < 0.1
 
 
+@pytest.mark.parametrize("model", ["rational", "thin-prism"])
+def test_a_rich_lens_on_few_views_has_a_ray_for_every_pixel(model, tmp_path):
+    # Its coefficients stand in for one another; without a word on their size they run to where the
+    # denominator has a zero inside the image.
+    for seed in (3, 4):
+        cameras, board, _, rows = make(2, 6, model, seed=seed)
+        simulate.write_folder(tmp_path / "in", cameras, board, rows)
+        rig = solve(tmp_path / "in", tmp_path / "out", "--model", model)
+        y, x = np.mgrid[0:1079:9j, 0:1919:15j]
+        for camera in rig["cameras"]:
+            rays = unproject(tmp_path / "out" / "rig.json", camera["name"], np.stack([x, y], -1).reshape(-1, 2))
+            assert np.isfinite(rays).all(), (seed, camera["name"])
+
+
 def project(rig, camera, points):
     text = "x,y,z\n" + "\n".join(",".join(repr(float(v)) for v in p) for p in points) + "\n"
     result = run("project", rig, "--camera", camera, stdin=text)
