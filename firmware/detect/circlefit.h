@@ -4,23 +4,26 @@
  * does neither. In the unit frame of the ellipse found so far (refit.h) a pixel lies at distance
  * d = (1 - rho) h inside the edge, h = rho / |grad f|, and should have the brightness
  *
- *   I = b + c g(rho) P(d / s),   P the normal integral,
+ *   I = b + c E,   E = e / g1 P(t) + A exp(-rho^2 (n0 - n1 y)),   P the normal integral,
  *
- * for outside level b, contrast c and blur s (optics and the pixel's own width together); g is the circle's
- * printed Gaussian peak over its level at the edge, 1 outside. Where the edge moves outwards by J theta in
- * the unit frame, I grows by c g P'(d / s) h / s J theta. So I is linear in
+ * for outside level b, contrast c and blur s (optics and the pixel's own width together). t is d / s as an edge
+ * that bends within the blur shows it (curve.h); the circle's level is e at its edge plus a Gaussian peak, g1 at
+ * the rim in all, and A, n0, n1 are that peak blurred (rim.c). Where the edge moves outwards by J theta in the
+ * unit frame, I grows by c e / g1 P'(t) h / s J theta. So I is linear in
  *
  *   (c theta_0..4 / s, b, c, c ds / s),
  *
  * and one weighted least-squares solution from raw pixels gives all of it; a second one on what is left
- * over removes the first one's linearisation and measures the noise. Pixels err independently, so the
- * solution's covariance is the centre's, and the Cramer-Rao limit is reached where the model holds.
+ * over removes the first one's linearisation and measures the noise; either goes again where it led far. Pixels
+ * err independently, so the solution's covariance is the centre's, and the Cramer-Rao limit is reached where the
+ * model holds. On circles of a few blurs size, contrast and blur can stand for one another: there the blur is held
+ * at what large circles tell.
  *
  * Light that falls unevenly tilts b and c over the circle, which would draw the centre to the bright side: the
  * second pass takes their slopes from planes through the black and the white around many circles.
  *
  * Only pixels near the edge speak: within 2 s. The triangle's own edges reach into that band where the circle
- * is small: where the colours behind them are known (pattern.h) they are part of the model, c / g(1) times
+ * is small: where the colours behind them are known (pattern.h) they are part of the model, c / g1 times
  * their profile; where not, pixels near them are left out. */
 #ifndef TESSERA_FIRMWARE_DETECT_CIRCLEFIT_H
 #define TESSERA_FIRMWARE_DETECT_CIRCLEFIT_H
