@@ -31,6 +31,7 @@ host_SRC := \
   host/solve/facing.cc \
   host/solve/frame_quadratic.cc \
   host/solve/flexible.cc \
+  host/solve/flexible_covariance.cc \
   host/solve/flexible_system.cc \
   host/solve/heldout.cc \
   host/solve/hand_eye.cc \

@@ -3,9 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
-#include "host/solve/flexible.h"
+#include "host/solve/flexible_covariance.h"
 #include "host/solve/surface.h"
 
 namespace rig {
@@ -18,13 +16,9 @@ RefineResult fit_all(const Scene& scene, const Solution& solution, int threads, 
     FlexibleOptions options;
     options.gauge_cameras = solution.gauge_cameras;
     const auto solve = [&](std::vector<View>* own, RigState* moved) {
-        std::vector<char> use;
-        for (const View& view : *own) {
-            use.push_back(std::any_of(view.points.begin(), view.points.end(),
-                                      [](const ViewPoint& point) { return point.used; }));
-        }
-        const bool usable =
-            flexible_bundle(*own, use, scene.boards, scene.cameras, options, moved).usable;
+        const bool usable = flexible_bundle(*own, views_in_use(*own), scene.boards, scene.cameras,
+                                            options, moved)
+                                .usable;
         lift_points(*moved, scene.boards, own);
         return usable;
     };
@@ -61,6 +55,9 @@ void enrich(const Scene& scene, const SolveOptions& options, const Progress& pro
     solution->state = std::move(state);
     solution->set.views = std::move(views);
     solution->noise_factor = refined.noise_factor;
+    solution->spline_covariance =
+        flexible_covariance(solution->set.views, scene, solution->cameras, solution->gauge_cameras,
+                            solution->state);
 }
 
 }  // namespace rig

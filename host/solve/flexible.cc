@@ -2,6 +2,7 @@
 #include "host/solve/flexible.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "host/solve/surface.h"
@@ -134,39 +135,61 @@ struct Step {
     double gain = 0.0;  // predicted fall of the sum of squares
 };
 
-// Damped Gauss-Newton step with the board poses eliminated.
-Step solve_step(const FlexibleSystem& system, double damping)
+// What remains of a system when the body poses are eliminated.
+struct Reduced {
+    bool good = false;
+    Eigen::MatrixXd half;    // across times the inverse of the root of each pose's block
+    Eigen::VectorXd lifted;  // that inverse times the poses' gradient
+    std::vector<Eigen::Matrix<double, 6, 6>> root;
+    Eigen::MatrixXd schur;   // lower triangle
+};
+
+Reduced eliminate_poses(const FlexibleSystem& system, double damping)
 {
-    Step step;
-    const Eigen::Index size = system.normal.rows();
+    Reduced out;
     const Eigen::Index poses = system.own.cols();
-    Eigen::MatrixXd half(size, poses);   // across times the inverse of the root of each pose's block
-    Eigen::VectorXd lifted(poses);
-    std::vector<Eigen::Matrix<double, 6, 6>> root(static_cast<std::size_t>(poses / 6));
+    out.half.resize(system.normal.rows(), poses);
+    out.lifted.resize(poses);
+    out.root.resize(static_cast<std::size_t>(poses / 6));
     for (Eigen::Index p = 0; p < poses; p += 6) {
         Eigen::Matrix<double, 6, 6> own = system.own.middleCols<6>(p);
         // A pose without points keeps still.
         own.diagonal() = own.diagonal().unaryExpr([&](double d) { return d > 0.0 ? d * (1.0 + damping) : 1.0; });
         const Eigen::LLT<Eigen::Matrix<double, 6, 6>> llt(own);
         if (llt.info() != Eigen::Success) {
-            return step;
+            return out;
         }
-        root[static_cast<std::size_t>(p / 6)] = llt.matrixL();
-        const auto lower = root[static_cast<std::size_t>(p / 6)].triangularView<Eigen::Lower>();
-        half.middleCols<6>(p) = lower.solve(system.across.middleCols<6>(p).transpose()).transpose();
-        lifted.segment<6>(p) = lower.solve(system.pose_gradient.segment<6>(p));
+        out.root[static_cast<std::size_t>(p / 6)] = llt.matrixL();
+        const auto lower = out.root[static_cast<std::size_t>(p / 6)].triangularView<Eigen::Lower>();
+        out.half.middleCols<6>(p) = lower.solve(system.across.middleCols<6>(p).transpose()).transpose();
+        out.lifted.segment<6>(p) = lower.solve(system.pose_gradient.segment<6>(p));
     }
-    step.columns.resize(size);
-    if (size > 0) {
-        Eigen::MatrixXd schur = system.normal;
-        schur.diagonal() *= 1.0 + damping;
-        schur.selfadjointView<Eigen::Lower>().rankUpdate(half, -1.0);
-        const Eigen::VectorXd right = system.gradient - half * lifted;
+    out.schur = system.normal;
+    out.schur.diagonal() *= 1.0 + damping;
+    if (out.schur.size() > 0) {
+        out.schur.selfadjointView<Eigen::Lower>().rankUpdate(out.half, -1.0);
+    }
+    out.good = true;
+    return out;
+}
+
+// Damped Gauss-Newton step.
+Step solve_step(const FlexibleSystem& system, double damping)
+{
+    Step step;
+    Reduced reduced = eliminate_poses(system, damping);
+    if (!reduced.good) {
+        return step;
+    }
+    const Eigen::Index poses = system.own.cols();
+    step.columns.resize(system.normal.rows());
+    if (step.columns.size() > 0) {
+        const Eigen::VectorXd right = system.gradient - reduced.half * reduced.lifted;
         // Equilibrated: columns differ by ten orders of magnitude, and one that nothing feels stays put.
         const Eigen::VectorXd scale = system.normal.diagonal().unaryExpr(
             [](double d) { return d > 0.0 ? 1.0 / std::sqrt(d) : 1.0; });
-        schur = scale.asDiagonal() * schur * scale.asDiagonal();
-        const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> llt(schur);
+        reduced.schur = scale.asDiagonal() * reduced.schur * scale.asDiagonal();
+        const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> llt(reduced.schur);
         if (llt.info() != Eigen::Success) {
             return step;
         }
@@ -174,14 +197,14 @@ Step solve_step(const FlexibleSystem& system, double damping)
         step.gain = -step.columns.dot(right);
     }
     step.poses.resize(poses);
-    const Eigen::VectorXd rest = lifted + half.transpose() * step.columns;
+    const Eigen::VectorXd rest = reduced.lifted + reduced.half.transpose() * step.columns;
     for (Eigen::Index p = 0; p < poses; p += 6) {
-        step.poses.segment<6>(p) = -root[static_cast<std::size_t>(p / 6)]
+        step.poses.segment<6>(p) = -reduced.root[static_cast<std::size_t>(p / 6)]
                                         .triangularView<Eigen::Lower>()
                                         .transpose()
                                         .solve(rest.segment<6>(p));
     }
-    step.gain += lifted.squaredNorm();
+    step.gain += reduced.lifted.squaredNorm();
     step.good = step.columns.allFinite() && step.poses.allFinite();
     return step;
 }
@@ -282,6 +305,36 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
         }
     }
     return result;
+}
+
+std::vector<char> views_in_use(const std::vector<View>& views)
+{
+    std::vector<char> use;
+    for (const View& view : views) {
+        use.push_back(std::any_of(view.points.begin(), view.points.end(),
+                                  [](const ViewPoint& point) { return point.used; }));
+    }
+    return use;
+}
+
+FlexibleInformation flexible_information(const std::vector<View>& views,
+                                         const std::vector<Board>& boards,
+                                         const std::vector<SceneCamera>& cameras,
+                                         const std::vector<int>& gauge_cameras, const RigState& state)
+{
+    const std::vector<char> use = views_in_use(views);
+    FlexibleInformation out;
+    out.layout = make_layout(state, views, use, gauge_cameras, false);
+    FlexibleSystem system;
+    if (sum_points(views, use, boards, state, out.layout, true, &system)) {
+        RigState copy = state;
+        add_priors(make_priors(state, out.layout, boards, cameras), out.layout, &copy, &system);
+        Reduced reduced = eliminate_poses(system, 0.0);
+        if (reduced.good) {
+            out.matrix = std::move(reduced.schur);
+        }
+    }
+    return out;
 }
 
 }  // namespace rig

@@ -41,4 +41,18 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
                                const std::vector<SceneCamera>& cameras, const FlexibleOptions& options,
                                RigState* state);
 
+// The views with a point in use.
+std::vector<char> views_in_use(const std::vector<View>& views);
+
+// Information of all columns at a solution, smoothness and gauge included, body poses eliminated; lower
+// triangle. Empty matrix when a point has no image or a pose is not determined.
+struct FlexibleInformation {
+    FlexibleLayout layout;
+    Eigen::MatrixXd matrix;
+};
+FlexibleInformation flexible_information(const std::vector<View>& views,
+                                         const std::vector<Board>& boards,
+                                         const std::vector<SceneCamera>& cameras,
+                                         const std::vector<int>& gauge_cameras, const RigState& state);
+
 }  // namespace rig

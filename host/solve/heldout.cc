@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "host/solve/flexible.h"
 #include "host/solve/surface.h"
@@ -21,6 +22,8 @@ constexpr int kLookAhead = 2;     // steps of a ladder that are tried at once
 constexpr int kAdoptionsMax = 16;
 constexpr std::size_t kChoicePoints = 150000;  // over all views: enough for any choice
 constexpr std::size_t kChoiceViewPointsMin = 40;
+// Beyond it lies a thousandth of the normal distribution.
+constexpr double kNormalQuantile = 3.0902;
 // Score test: a gain this many standard deviations above chance is worth a trial.
 constexpr double kPromiseDeviations = 4.0;
 
@@ -62,6 +65,33 @@ Halves deal(const std::vector<View>& views)
         out.in[1].push_back(any && at % 2 == 1);
     }
     return out;
+}
+
+// t of the mean over its quantile.
+double student_significance(const Eigen::ArrayXd& gain)
+{
+    const auto count = static_cast<double>(gain.size());
+    const double mean = gain.mean();
+    const double deviation = std::sqrt((gain - mean).square().sum() / (count - 1.0));
+    return deviation > 0.0 ? mean / (deviation / std::sqrt(count)) / student_quantile(count - 1.0) : 0.0;
+}
+
+// Wilcoxon's sum of the signed ranks over its quantile, by the normal approximation; below ten it
+// cannot reach one in a thousand.
+double rank_significance(const Eigen::ArrayXd& gain)
+{
+    std::vector<Eigen::Index> order(static_cast<std::size_t>(gain.size()));
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) {
+        return std::abs(gain[a]) < std::abs(gain[b]);
+    });
+    double sum = 0.0;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        const double rank = static_cast<double>(i + 1);
+        sum += gain[order[i]] > 0.0 ? rank : -rank;
+    }
+    const auto n = static_cast<double>(gain.size());
+    return n < 10.0 ? 0.0 : sum / std::sqrt(n * (n + 1.0) * (2.0 * n + 1.0) / 6.0) / kNormalQuantile;
 }
 
 class Chooser {
@@ -147,13 +177,7 @@ public:
         if (gain.size() < kChoiceInstantsMin || !(rich.sum() < simple.sum())) {
             return 0.0;
         }
-        const auto count = static_cast<double>(gain.size());
-        const double mean = gain.mean();
-        const double deviation = std::sqrt((gain - mean).square().sum() / (count - 1.0));
-        if (!(deviation > 0.0)) {
-            return 0.0;
-        }
-        return mean / (deviation / std::sqrt(count)) / student_quantile(count - 1.0);
+        return std::max(student_significance(gain), rank_significance(gain));
     }
 
 private:
@@ -499,7 +523,7 @@ private:
 
 double student_quantile(double freedom)
 {
-    constexpr double z = 3.0902;  // normal distribution
+    constexpr double z = kNormalQuantile;
     const double first = (z * z * z + z) / 4.0;
     const double second = (5.0 * std::pow(z, 5) + 16.0 * z * z * z + 3.0 * z) / 96.0;
     return z + first / freedom + second / (freedom * freedom);

@@ -10,8 +10,10 @@
 // logarithm, because misfits are large in a few instants (a board in a far corner): a plain difference
 // is as large as its own deviation then, however plain the gain. Instants are independent of each other,
 // so t = mean(d) / (std(d) / sqrt(instants)) follows Student's distribution if the richer model gains
-// nothing; it is significant when t lies beyond the quantile of one in a thousand, and taken when the sum
-// over all instants is smaller as well. What an instant's residuals have in common (one pose, one part of
+// nothing; it is significant when t lies beyond the quantile of one in a thousand. Where the gain is uneven
+// (a lens that differs in the corners only), t is blind to it: Wilcoxon's signed ranks, which ask how
+// many instants gain and not how much, may find it instead. It is taken when the sum over all instants is
+// smaller as well. What an instant's residuals have in common (one pose, one part of
 // the image) is inside d_f and does no harm. A camera's lens is judged by that camera's residuals, a
 // board's surface by all.
 //
@@ -39,7 +41,7 @@ struct ModelTrial {
     std::string what;           // "rational", "spline, 9 cells", "surface, 4 cells"
     double before = 0.0;        // whitened RMS of the held-out residuals of the model so far ...
     double after = 0.0;         // ... and of this one
-    double significance = 0.0;  // t over its quantile; above 1: significant
+    double significance = 0.0;  // the larger of t and the rank sum over its quantile; above 1: significant
     bool taken = false;
 };
 

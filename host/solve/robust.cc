@@ -87,9 +87,22 @@ bool select_points(const RigState& state, const std::vector<double>& factors, in
     return std::count(changed.begin(), changed.end(), 1) > 0;
 }
 
+// circle_centre.h, on the board's surface (null: flat).
+Eigen::Vector2d centre_offset(const Camera& lens, const Pose& cam_from_board, const Surface* surface,
+                              const ViewPoint& point)
+{
+    Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+    if (surface != nullptr) {
+        bspline_value(surface->grid, surface->control.data(), point.at_mm.head<2>(), &slope);
+    }
+    return circle_centre_offset(lens, cam_from_board, point.at_mm, static_cast<double>(point.radius_mm),
+                                slope);
+}
+
 // Whether the offsets of some of the view's circles are still what they were: those of a view move
 // together.
-bool offsets_stand(const Camera& lens, const Pose& cam_from_board, const View& view, double* moved)
+bool offsets_stand(const Camera& lens, const Pose& cam_from_board, const Surface* surface,
+                   const View& view, double* moved)
 {
     constexpr std::size_t kLooks = 8;
     constexpr double kStandPx = 0.25 * kOffsetSettledPx;
@@ -97,8 +110,7 @@ bool offsets_stand(const Camera& lens, const Pose& cam_from_board, const View& v
     const std::size_t step = std::max<std::size_t>(1, view.points.size() / kLooks);
     for (std::size_t i = 0; i < view.points.size() && *moved < kStandPx; i += step) {
         const ViewPoint& point = view.points[i];
-        const Eigen::Vector2d offset = circle_centre_offset(lens, cam_from_board, point.at_mm,
-                                                            static_cast<double>(point.radius_mm));
+        const Eigen::Vector2d offset = centre_offset(lens, cam_from_board, surface, point);
         *moved = std::max(*moved, (offset - point.centre_offset_px.cast<double>()).norm());
     }
     return *moved < kStandPx;
@@ -113,20 +125,13 @@ double update_centre_offsets(const RigState& state, int threads, std::vector<Vie
         View& view = (*views)[i];
         const Pose pose = cam_from_board(state, view);
         const Camera& lens = state.lenses[static_cast<std::size_t>(view.camera)];
-        if (offsets_stand(lens, pose, view, &largest[i])) {
+        const Surface* surface = surface_of(state, view.board);
+        if (offsets_stand(lens, pose, surface, view, &largest[i])) {
             return;
         }
-        const Surface* surface = surface_of(state, view.board);
         for (ViewPoint& point : view.points) {
             if (point.radius_mm > 0.0f) {
-                Eigen::Vector2d slope = Eigen::Vector2d::Zero();
-                if (surface != nullptr) {
-                    bspline_value(surface->grid, surface->control.data(), point.at_mm.head<2>(), &slope);
-                }
-                const Eigen::Vector2f offset =
-                    circle_centre_offset(lens, pose, point.at_mm, static_cast<double>(point.radius_mm),
-                                         slope)
-                        .cast<float>();
+                const Eigen::Vector2f offset = centre_offset(lens, pose, surface, point).cast<float>();
                 const double moved = static_cast<double>((offset - point.centre_offset_px).norm());
                 largest[i] = std::max(largest[i], moved);
                 point.centre_offset_px = offset;

@@ -184,7 +184,11 @@ RigCovariance rig_covariance(const Solution& solution, double noise_factor, cons
     }
     const Eigen::Index own = own_rows(solution, out);
     const auto parts = static_cast<Eigen::Index>(information.motions.size());
-    const Eigen::MatrixXd covariance = invert(information.schur);
+    // Where fields or surfaces are unknowns too, they have been eliminated already.
+    const Eigen::MatrixXd covariance =
+        solution.spline_covariance.rows() == information.schur.rows()
+            ? Eigen::MatrixXd(noise_factor * noise_factor * solution.spline_covariance)
+            : invert(information.schur);
     Eigen::MatrixXd follow(6 * parts, covariance.cols());
     out.matrix.setZero(own + 6 * parts, own + 6 * parts);
     for (Eigen::Index part = 0; part < parts; ++part) {
