@@ -44,6 +44,7 @@ host_SRC := \
   host/solve/pose_chain.cc \
   host/solve/prior.cc \
   host/solve/prior_check.cc \
+  host/solve/richer.cc \
   host/solve/rig.cc \
   host/solve/scale.cc \
   host/solve/seed_opencv.cc \

@@ -306,7 +306,8 @@ private:
 }  // namespace
 
 FlexibleLayout make_layout(const RigState& state, const std::vector<View>& views,
-                           const std::vector<char>& use, const std::vector<int>& gauge_cameras, bool poses_only)
+                           const std::vector<char>& use,
+                           const std::vector<int>& gauge_cameras, bool poses_only)
 {
     FlexibleLayout out;
     const std::size_t cameras = state.lenses.size();

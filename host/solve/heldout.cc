@@ -9,14 +9,12 @@
 #include <numeric>
 
 #include "host/solve/flexible.h"
+#include "host/solve/richer.h"
 #include "host/solve/surface.h"
 
 namespace rig {
 namespace {
 
-// Lenses from simple to rich: models of the pinhole family (a fisheye stands alone), then fields with so
-// many cells along the longer side. Each has twice the control points of the one before.
-constexpr int kFieldCells[] = {4, 6, 9, 13, 19, 27};
 constexpr int kSurfaceCells[] = {1, 2, 3, 5, 8, 12};
 constexpr int kLookAhead = 2;     // steps of a ladder that are tried at once
 constexpr int kAdoptionsMax = 16;
@@ -47,7 +45,8 @@ struct Fitted {
 Halves deal(const std::vector<View>& views)
 {
     Halves out;
-    const std::size_t each = std::max(kChoiceViewPointsMin, kChoicePoints / std::max<std::size_t>(1, views.size()));
+    const std::size_t each =
+        std::max(kChoiceViewPointsMin, kChoicePoints / std::max<std::size_t>(1, views.size()));
     out.views = thinned(views, each);
     std::map<std::int64_t, std::size_t> place;
     for (const View& view : out.views) {
@@ -120,7 +119,8 @@ public:
             if (!out.fit[h].usable || !held.usable || !measure(h, out.half[h], &out)) {
                 return out;
             }
-            out.freedom += 2.0 * static_cast<double>(held.points) - 6.0 * static_cast<double>(poses_in(1 - h));
+            out.freedom += 2.0 * static_cast<double>(held.points)
+                           - 6.0 * static_cast<double>(poses_in(1 - h));
         }
         out.total = out.squares.sum();
         out.usable = std::isfinite(out.total);
@@ -223,60 +223,6 @@ private:
     FlexibleOptions fit_;
 };
 
-// A spline's values on another grid, near enough to start from: what it is where the new control
-// points stand.
-void resample(const BsplineGrid& from, const double* control, const BsplineGrid& to, double* out)
-{
-    for (int row = 0; row < to.rows; ++row) {
-        for (int column = 0; column < to.columns; ++column) {
-            const Eigen::Vector2d at =
-                to.origin + to.step.cwiseProduct(Eigen::Vector2d(column - 1, row - 1));
-            out[row * to.columns + column] = bspline_value(from, control, at, nullptr);
-        }
-    }
-}
-
-// How rich a camera's lens may become: a place on the ladder of lenses.
-std::vector<std::string> lens_ladder(const Camera& lens)
-{
-    std::vector<std::string> ladder;
-    if (lens.model == CameraModel::kFisheye) {
-        ladder.emplace_back(camera_model_name(lens.model));
-    } else {
-        for (const CameraModel model :
-             {CameraModel::kBrown, CameraModel::kRational, CameraModel::kThinPrism}) {
-            if (model >= lens.model) {
-                ladder.emplace_back(camera_model_name(model));
-            }
-        }
-    }
-    for (const int cells : kFieldCells) {
-        ladder.push_back(fmt::format("spline, {} cells", cells));
-    }
-    return ladder;
-}
-
-// The lens at a place of its ladder, started from a poorer one.
-void enrich_lens(const SceneCamera& camera, const std::string& name, Camera* lens)
-{
-    const auto model = camera_model_from_name(name);
-    if (model) {
-        lens->model = *model;
-        lens->intrinsics.resize(static_cast<std::size_t>(kPinholeCount + distortion_count(*model)), 0.0);
-        return;
-    }
-    for (const int cells : kFieldCells) {
-        if (name == fmt::format("spline, {} cells", cells)) {
-            SplineField field = make_spline_field(camera.width_px, camera.height_px, cells);
-            for (int part = 0; part < 2 && !lens->field.empty(); ++part) {
-                resample(lens->field.grid, lens->field.control.data() + part * lens->field.grid.count(),
-                         field.grid, field.control.data() + part * field.grid.count());
-            }
-            lens->field = std::move(field);
-        }
-    }
-}
-
 // The walk up the ladders.
 class Walk {
 public:
@@ -370,8 +316,9 @@ private:
     bool take_best(ModelChoice* choice)
     {
         std::vector<Candidate> candidates;
-        for (std::size_t up = 1; options_.lenses && up <= static_cast<std::size_t>(kLookAhead) + (field_used() ? 0 : 1);
-             ++up) {
+        // From formulas on, one step more: past rational and thin prism stands the first field.
+        const std::size_t ahead = static_cast<std::size_t>(kLookAhead) + (field_used() ? 0 : 1);
+        for (std::size_t up = 1; options_.lenses && up <= ahead; ++up) {
             try_lens(up, &candidates);
         }
         for (std::size_t up = 0; options_.surfaces && up < static_cast<std::size_t>(kLookAhead); ++up) {
