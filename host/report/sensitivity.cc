@@ -10,7 +10,7 @@ bool sense(const RigCamera& camera, double fold, const Eigen::Vector3d& point_mm
     ProjectionJacobian slope;
     Eigen::Vector2d pixel;
     if (!out->pixel.allFinite()
-        || !project_formula(camera.lens.model, camera.lens.intrinsics.data(), in_camera, &pixel, &slope)) {
+        || !project_lens(camera.lens, camera.lens.intrinsics.data(), in_camera, &pixel, &slope)) {
         return false;
     }
     const Eigen::Vector3d turned = camera.cam_from_rig.rotation * point_mm;
