@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "firmware/app/dsp_choice.h"
+#include "tests/simd/simd_rim.h"
 
 #define ROWS_MAX   (2 * TAPS_RADIUS_MAX + 1)
 #define WIDTH_MAX  4096u
@@ -82,6 +83,21 @@ static bool check_widen(const struct dsp_kernels *variant, unsigned width, bool 
     dsp_scalar.widen(bytes, width, (uint16_t *)(void *)(expected[0] + GUARD));
     variant->widen(bytes, width, (uint16_t *)(void *)(found[0] + GUARD));
     return same("widen", variant, width);
+}
+
+static bool check_halve(const struct dsp_kernels *variant, unsigned width, unsigned kind, bool at_end)
+{
+    uint8_t *rows[2];
+    for (unsigned k = 0; k < 2; k++) {
+        rows[k] = at_end ? pages[k] + ROW_BYTES - 2 * width : pages[k];
+        for (unsigned i = 0; i < 2 * width; i++) {
+            rows[k][i] = (uint8_t)(kind % 4 == 3 ? 255 : random_u64());
+        }
+    }
+    fill_junk();
+    dsp_scalar.halve(rows[0], rows[1], width, (uint16_t *)(void *)(expected[0] + GUARD));
+    variant->halve(rows[0], rows[1], width, (uint16_t *)(void *)(found[0] + GUARD));
+    return same("halve", variant, width);
 }
 
 /* Black and white in stripes, white alone, or noise: what drives the filters to their limits. */
@@ -198,7 +214,8 @@ static bool check_width(const struct dsp_kernels *variant, unsigned width)
                 return false;
             }
         }
-        if (!check_sides(variant, width, kind, at_end) || !check_widen(variant, width, at_end)) {
+        if (!check_sides(variant, width, kind, at_end) || !check_widen(variant, width, at_end) ||
+            !check_halve(variant, width, kind, at_end)) {
             return false;
         }
     }
@@ -227,7 +244,7 @@ static bool check_variant(const struct dsp_kernels *variant)
             }
         }
     }
-    return true;
+    return simd_rim_same(variant, random_u64);
 }
 
 int main(void)

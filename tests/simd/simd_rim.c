@@ -1,0 +1,208 @@
+/* Views and pixels are random within the ranges of rimrow.h, each number at one of its bounds now and then.
+ * Whole batches are compared, inputs and what lies beyond `count` too, between guards. */
+#include "tests/simd/simd_rim.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define ROUNDS 1500u
+#define GUARD  64u
+#define P_MAX_Q14 57343 /* below 3.5 */
+
+struct guarded {
+    uint8_t             before[GUARD];
+    struct rimrow_batch batch;
+    uint8_t             after[GUARD];
+};
+
+struct octants {
+    uint32_t before[4];
+    uint32_t squares[8];
+    uint32_t counts[8];
+    uint32_t after[4];
+};
+
+static uint64_t (*random_u64)(void);
+static struct guarded expected;
+static struct guarded found;
+
+/* From low to high; one in eight is the one or the other. */
+static int32_t within(int32_t low, int32_t high)
+{
+    const uint64_t pick = random_u64() % 16;
+    return pick == 0   ? low
+           : pick == 1 ? high
+                       : low + (int32_t)(random_u64() % ((uint64_t)((int64_t)high - low) + 1));
+}
+
+static double share(void)
+{
+    return (double)(random_u64() >> 11) / 9007199254740992.0;
+}
+
+/* Semi-axes over R, alpha^-1/2 and alpha^1/2: (R / h)^2 runs from alpha to 1 / alpha. */
+static void random_shape(struct rimrow_view *view)
+{
+    const double alpha = random_u64() % 8 == 0 ? 0.126 : 0.126 + 0.874 * share();
+    const double swing = (1 / alpha - alpha) / 2;
+    const double turn = 6.283185307179586 * share();
+    view->inverse_q28 = (int32_t)((alpha + 1 / alpha) / 2 * 268435456);
+    view->inverse_cos_q15 = (int32_t)(swing * cos(turn) * 32768);
+    view->inverse_sin_q15 = (int32_t)(swing * sin(turn) * 32768);
+    const double over_blur = exp(share() * log(4000.0)); /* R / s */
+    const int bits = (int)floor(log2(over_blur)) + 17;
+    view->depth_shift = (uint32_t)(29 - bits);
+    view->depth_q14 = (int32_t)(ldexp(over_blur, 32 - bits));
+    view->eps_q14 = (int32_t)(16384 / over_blur);
+    curve_at((int64_t)(65536 / over_blur), (int64_t)(alpha * 65536), view->curve_q14);
+}
+
+static struct rimrow_view random_view(unsigned round)
+{
+    struct rimrow_view view = {
+        .gap_q10 = within(0, (16 << 10) - 1),
+        .clear_q13 = random_u64() % 2 != 0 ? 307 * 32 : 563 * 32,
+        .near_q13 = within(0, 4 << 13),
+        .over_rim_q11 = within(1 << 11, 16 << 11),
+        .level_q5 = within(-(1 << 19), 1 << 19),
+        .level_p_q5 = within(-(1 << 14), 1 << 14),
+        .level_q_q5 = within(-(1 << 14), 1 << 14),
+        .contrast_q2 = within(-(1 << 14), 1 << 14),
+        .contrast_p_q2 = within(-(1 << 12), 1 << 12),
+        .contrast_q_q2 = within(-(1 << 12), 1 << 12),
+        .rest_shift = round / 4 % 2 != 0 ? 5 : 0,
+        .edge_q14 = within(0, (2 << 14) - 1),
+        .peak_q8 = within(0, (1 << 18) - 1),
+        .peak_n0_q11 = within(0, 16 << 11),
+        .peak_n1_q11 = within(0, 16 << 11),
+        .peak_shown_q15 = random_u64() % 2 != 0 ? 1 << 15 : 0,
+        .edge_count = round % (RIMROW_EDGES + 1),
+        .edge_shift = (uint32_t)within(2, 14),
+    };
+    if (random_u64() % 2 != 0) { /* a real picture: rests that are not all cut */
+        view.level_q5 = within(0, 4095 * 32);
+        view.contrast_q2 = within(-4095 * 4, 4095 * 4);
+        view.level_p_q5 = view.level_q_q5 = view.contrast_p_q2 = view.contrast_q_q2 = 0;
+        view.edge_q14 = within(1 << 13, 1 << 14);
+        view.peak_q8 = within(0, 39 << 7);
+    }
+    for (unsigned k = 0; k < RIMROW_EDGES; k++) {
+        const bool around = random_u64() % 2 != 0;
+        view.edges[k] = (struct rimrow_edge){
+            around ? within(0, 8 << 11) : within(-(1 << 22), 1 << 22),
+            within(-(1 << 14), 1 << 14), within(-(1 << 14), 1 << 14)};
+    }
+    random_shape(&view);
+    return view;
+}
+
+/* In the band, anywhere within the range, at the edges of [1/8, 8), or padding. */
+static void random_pixel(const struct rimrow_view *view, struct rimrow_batch *batch, unsigned i)
+{
+    batch->grey_q4[i] = (uint16_t)within(0, 4095);
+    if (random_u64() % 8 == 0) {
+        batch->p_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
+        batch->q_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
+        return;
+    }
+    static const double bounds[] = {0.35355339, 2.82842712, 1.0, 0.0};
+    const double band = 3.0 * view->eps_q14 / 16384;
+    const double rho = random_u64() % 8 == 0 ? bounds[random_u64() % 4]
+                                             : fmax(0, 1 + band * (2 * share() - 1));
+    const double turn = random_u64() % 8 == 0 ? 0.7853981633974483 * (double)(random_u64() % 8)
+                                              : 6.283185307179586 * share();
+    batch->p_q14[i] = (int32_t)lrint(rho * cos(turn) * 16384);
+    batch->q_q14[i] = (int32_t)lrint(rho * sin(turn) * 16384);
+}
+
+static bool same(const char *kernel, const struct dsp_kernels *variant, const void *a, const void *b,
+                 size_t bytes, unsigned round)
+{
+    if (memcmp(a, b, bytes) == 0) {
+        return true;
+    }
+    (void)printf("simd: %s of %s differs in round %u\n", kernel, variant->name, round);
+    return false;
+}
+
+/* Also tells how many pixels were kept. */
+static bool check_rows(const struct dsp_kernels *variant, unsigned round, unsigned *kept)
+{
+    const struct rimrow_view view = random_view(round);
+    const unsigned count = RIMROW_STEP * (unsigned)(random_u64() % (RIMROW_PIXELS / RIMROW_STEP + 1));
+    memset(&expected, 0x5a, sizeof expected);
+    for (unsigned i = 0; i < count; i++) {
+        random_pixel(&view, &expected.batch, i);
+    }
+    found = expected;
+    dsp_scalar.rim_rows(&view, count, &expected.batch);
+    variant->rim_rows(&view, count, &found.batch);
+    for (unsigned i = 0; i < count; i++) {
+        *kept += expected.batch.octant[i] < 8 ? 1 : 0;
+    }
+    struct octants one;
+    struct octants other;
+    memset(&one, 0x5a, sizeof one);
+    other = one;
+    dsp_scalar.rim_octants(&expected.batch, count, one.squares, one.counts);
+    variant->rim_octants(&found.batch, count, other.squares, other.counts);
+    return same("rim_rows", variant, &expected, &found, sizeof expected, round) &&
+           same("rim_octants", variant, &one, &other, sizeof one, round);
+}
+
+/* The largest rests in any octants: squares at their bound of 128 times 2^24. */
+static bool check_octants(const struct dsp_kernels *variant, unsigned round)
+{
+    int16_t *rests = expected.batch.columns + (RIMROW_COLUMNS - 1) * RIMROW_PIXELS;
+    for (unsigned i = 0; i < RIMROW_PIXELS; i++) {
+        rests[i] = (int16_t)(random_u64() % 2 != 0 ? 4095 : -4095);
+        expected.batch.octant[i] = (int16_t)(round % 2 != 0 ? round / 2 % 9 : random_u64() % 9);
+    }
+    struct octants one;
+    struct octants other;
+    memset(&one, 0x5a, sizeof one);
+    other = one;
+    dsp_scalar.rim_octants(&expected.batch, RIMROW_PIXELS, one.squares, one.counts);
+    variant->rim_octants(&expected.batch, RIMROW_PIXELS, other.squares, other.counts);
+    return same("rim_octants", variant, &one, &other, sizeof one, round);
+}
+
+/* Starts and steps such that every place stays within the range, as rim.h has them. */
+static bool check_ramp(const struct dsp_kernels *variant, unsigned round)
+{
+    const unsigned count = (unsigned)(random_u64() % (RIMROW_PIXELS + 1));
+    const unsigned at = (unsigned)(random_u64() % (RIMROW_PIXELS - count + 1));
+    const int32_t most_q24 = P_MAX_Q14 << 10;
+    const int32_t steps = (int32_t)count + RIMROW_RAMP;
+    int32_t from[2];
+    int32_t step[2];
+    for (unsigned axis = 0; axis < 2; axis++) {
+        from[axis] = within(-most_q24, most_q24);
+        step[axis] = (within(-most_q24, most_q24) - from[axis]) / steps;
+    }
+    memset(&expected, 0x5a, sizeof expected);
+    found = expected;
+    dsp_scalar.rim_ramp(from[0], step[0], from[1], step[1], count, expected.batch.p_q14 + at,
+                        expected.batch.q_q14 + at);
+    variant->rim_ramp(from[0], step[0], from[1], step[1], count, found.batch.p_q14 + at,
+                      found.batch.q_q14 + at);
+    return same("rim_ramp", variant, &expected, &found, sizeof expected, round);
+}
+
+bool simd_rim_same(const struct dsp_kernels *variant, uint64_t (*random)(void))
+{
+    random_u64 = random;
+    unsigned kept = 0;
+    for (unsigned round = 0; round < ROUNDS; round++) {
+        if (!check_rows(variant, round, &kept) || !check_octants(variant, round) ||
+            !check_ramp(variant, round)) {
+            return false;
+        }
+    }
+    if (kept < 10 * ROUNDS) { /* of 64 pixels a round: else little was compared but zeros */
+        (void)printf("simd: only %u of the rim's pixels were kept\n", kept);
+        return false;
+    }
+    return true;
+}
