@@ -147,8 +147,8 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
 
     /* Directions: cos and sin of the single and double angle. */
     const int32_t over_q15 = rimrow_inverse_root_q15(square_q28);
-    const int32_t cos_q14 = (p_q14 * over_q15) >> 15;
-    const int32_t sin_q14 = (q_q14 * over_q15) >> 15;
+    const int32_t cos_q14 = ((p_q14 & kept) * over_q15) >> 15;
+    const int32_t sin_q14 = ((q_q14 & kept) * over_q15) >> 15;
     const int32_t cos2_q14 = (cos_q14 * cos_q14 - sin_q14 * sin_q14) >> 14;
     const int32_t sin2_q14 = (cos_q14 * sin_q14) >> 13;
 

@@ -102,11 +102,13 @@ static void random_pixel(const struct rimrow_view *view, struct rimrow_batch *ba
 {
     batch->grey_q4[i] = (uint16_t)within(0, 4095);
     if (random_u64() % 8 == 0) {
-        batch->p_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
-        batch->q_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
+        do {
+            batch->p_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
+            batch->q_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
+        } while (hypot(batch->p_q14[i], batch->q_q14[i]) > P_MAX_Q14);
         return;
     }
-    static const double bounds[] = {0.35355339, 2.82842712, 1.0, 0.0};
+    static const double bounds[] = {0.35355339, 2.82842712, 1.0, 3.4999};
     const double band = 3.0 * view->eps_q14 / 16384;
     const double rho = random_u64() % 8 == 0 ? bounds[random_u64() % 4]
                                              : fmax(0, 1 + band * (2 * share() - 1));
