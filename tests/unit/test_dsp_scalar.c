@@ -222,6 +222,28 @@ static void steering_the_largest_derivatives_does_not_overflow(void)
     }
 }
 
+/* Grey levels of 256 come out times 16: the mean of four is four times their sum, without a rounding. */
+static void halving_is_the_mean_of_four(void)
+{
+    uint64_t seed = 7;
+    for (unsigned width = 0; width <= WIDTH_MAX; width++) {
+        uint8_t above[2 * WIDTH_MAX];
+        uint8_t below[2 * WIDTH_MAX];
+        uint16_t halved[WIDTH_MAX + 1];
+        for (unsigned i = 0; i < 2 * width; i++) {
+            above[i] = (uint8_t)(width == 1 ? 255 : synth_u64(&seed));
+            below[i] = (uint8_t)(width == 1 ? 255 : synth_u64(&seed));
+        }
+        halved[width] = GUARD;
+        dsp_scalar.halve(above, below, width, halved);
+        for (unsigned x = 0; x < width; x++) {
+            const double mean = (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]) / 4.0;
+            TEST_ASSERT_TRUE(16 * mean == halved[x]);
+        }
+        TEST_ASSERT_EQUAL_HEX16(GUARD, halved[width]);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -231,5 +253,6 @@ int main(void)
     RUN_TEST(ramp_of_slope_one_has_slope_one_and_no_curvature);
     RUN_TEST(sides_are_the_sign_of_the_steered_second_derivative);
     RUN_TEST(steering_the_largest_derivatives_does_not_overflow);
+    RUN_TEST(halving_is_the_mean_of_four);
     return UNITY_END();
 }

@@ -225,6 +225,51 @@ static void too_many_waiting_arcs_are_reported(void)
     ellipses_end(&ellipses);
 }
 
+/* Pixel k of the small frame covers 2 k and 2 k + 1 of the large one: its centre is at 2 k + 1/2. */
+static void doubled_list_is_in_pixels_of_the_frame(void)
+{
+    uint64_t seed = 69;
+    push_arc(100, 60, 20, 12, 0.4, 0, 2 * SYNTH_PI, 0, &seed);
+    add(true);
+    push_arc(300, 200, 5, 5, 0, 2 * SYNTH_PI, 0, 0, &seed);
+    add(true);
+    ellipses_end(&ellipses);
+    TEST_ASSERT_EQUAL_UINT32(2, ellipses.count);
+    struct ellipses_item before[2];
+    memcpy(before, ellipses.at, sizeof before);
+    ellipses_double(&ellipses);
+    TEST_ASSERT_EQUAL_UINT32(2, ellipses.count);
+    for (unsigned i = 0; i < 2; i++) {
+        const struct ellipses_item *item = &ellipses.at[i];
+        TEST_ASSERT_EQUAL_INT32(2 * before[i].ellipse.x_px_q16 + 32768, item->ellipse.x_px_q16);
+        TEST_ASSERT_EQUAL_INT32(2 * before[i].ellipse.y_px_q16 + 32768, item->ellipse.y_px_q16);
+        TEST_ASSERT_EQUAL_INT32(4 * before[i].ellipse.shape_xx_px2_q12, item->ellipse.shape_xx_px2_q12);
+        TEST_ASSERT_EQUAL_INT32(4 * before[i].ellipse.shape_xy_px2_q12, item->ellipse.shape_xy_px2_q12);
+        TEST_ASSERT_EQUAL_INT32(4 * before[i].ellipse.shape_yy_px2_q12, item->ellipse.shape_yy_px2_q12);
+        TEST_ASSERT_EQUAL_UINT32(2 * before[i].quality.residual_px_q16, item->quality.residual_px_q16);
+        TEST_ASSERT_EQUAL_UINT16(500, item->gradient_mean_q3); /* the same swing over twice the pixels */
+        TEST_ASSERT_EQUAL_UINT16(before[i].points, item->points);
+        TEST_ASSERT_EQUAL_INT(before[i].white, item->white);
+    }
+}
+
+static void what_becomes_too_large_is_dropped_and_the_rest_closes_up(void)
+{
+    const int32_t most = ELLIPSE_SHAPE_MAX_PX2_Q12 / 4;
+    static const int32_t over[4][2] = {{0, 0}, {1, 0}, {0, 1}, {0, 0}};
+    for (unsigned i = 0; i < 4; i++) {
+        ellipses.at[i] = (struct ellipses_item){
+            .ellipse = {.x_px_q16 = (int32_t)i << 16, .shape_xx_px2_q12 = most + over[i][0],
+                        .shape_yy_px2_q12 = most + over[i][1]}};
+    }
+    ellipses.count = 4;
+    ellipses_double(&ellipses);
+    TEST_ASSERT_EQUAL_UINT32(2, ellipses.count);
+    TEST_ASSERT_EQUAL_INT32(32768, ellipses.at[0].ellipse.x_px_q16);
+    TEST_ASSERT_EQUAL_INT32((6 << 16) + 32768, ellipses.at[1].ellipse.x_px_q16);
+    TEST_ASSERT_TRUE(ellipses.at[1].ellipse.shape_xx_px2_q12 <= ELLIPSE_SHAPE_MAX_PX2_Q12);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -237,5 +282,7 @@ int main(void)
     RUN_TEST(half_a_circle_alone_is_not_enough);
     RUN_TEST(full_list_says_so_and_keeps_what_it_had);
     RUN_TEST(too_many_waiting_arcs_are_reported);
+    RUN_TEST(doubled_list_is_in_pixels_of_the_frame);
+    RUN_TEST(what_becomes_too_large_is_dropped_and_the_rest_closes_up);
     return UNITY_END();
 }

@@ -1,9 +1,12 @@
 /* Every pixel format comes out in one scale, whatever lies around its luma. */
 #include "firmware/detect/luma.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unity.h>
+
+#include "tests/unit/synth.h"
 
 #define WIDTH 7u
 #define PAD   5u
@@ -110,6 +113,50 @@ static void no_padding_writes_the_pixels_alone(void)
     TEST_ASSERT_EQUAL_UINT16_ARRAY(expected, row, 5);
 }
 
+/* Halves a frame of five rows and compares with the means of four of luma_row's values: an odd column and an
+ * odd row are left over, and a row is longer than one of the function's pieces. */
+static void check_halved(enum frame_format format, uint16_t width)
+{
+    static uint8_t bytes[5 * 200 * 2];
+    uint64_t seed = 21 + (uint64_t)format;
+    for (unsigned i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (uint8_t)synth_u64(&seed);
+    }
+    const struct frame_view frame = {.pixels = bytes, .stride_bytes = frame_row_bytes(format, width) + 3,
+                                     .width_px = width, .height_px = 5, .format = format};
+    for (uint16_t y = 0; y < 2; y++) {
+        static uint16_t rows[2][200];
+        static uint16_t halved[102];
+        luma_row(&frame, (uint16_t)(2 * y), 0, rows[0]);
+        luma_row(&frame, (uint16_t)(2 * y + 1), 0, rows[1]);
+        memset(halved, 0x5a, sizeof halved);
+        luma_halved_row(&frame, y, halved + 1);
+        for (unsigned x = 0; x < width / 2u; x++) {
+            const double mean =
+                (rows[0][2 * x] + rows[0][2 * x + 1] + rows[1][2 * x] + rows[1][2 * x + 1]) / 4.0;
+            TEST_ASSERT_EQUAL_UINT16((uint16_t)floor(mean + 0.5), halved[1 + x]);
+        }
+        TEST_ASSERT_EQUAL_HEX16(JUNK, halved[0]);
+        TEST_ASSERT_EQUAL_HEX16(JUNK, halved[1 + width / 2u]);
+    }
+}
+
+static void halved_row_is_the_mean_of_four_in_every_format(void)
+{
+    static const enum frame_format all[] = {FRAME_GREY8,  FRAME_NV12,   FRAME_YUYV,  FRAME_UYVY,
+                                            FRAME_GREY10, FRAME_GREY12, FRAME_GREY16};
+    for (unsigned i = 0; i < sizeof all / sizeof all[0]; i++) {
+        const bool pairs = all[i] == FRAME_YUYV || all[i] == FRAME_UYVY; /* of even width */
+        static const uint16_t widths[] = {2, 64, 66, 130, 200};
+        for (unsigned k = 0; k < sizeof widths / sizeof widths[0]; k++) {
+            check_halved(all[i], widths[k]);
+            if (!pairs) {
+                check_halved(all[i], (uint16_t)(widths[k] - (k > 0 ? 1 : 0)));
+            }
+        }
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -120,5 +167,6 @@ int main(void)
     RUN_TEST(chroma_is_never_looked_at);
     RUN_TEST(single_pixel_fills_its_padding_too);
     RUN_TEST(no_padding_writes_the_pixels_alone);
+    RUN_TEST(halved_row_is_the_mean_of_four_in_every_format);
     return UNITY_END();
 }

@@ -171,6 +171,65 @@ static void sides_follow_the_threshold_and_tell_dark_from_bright(void)
     synth_image_free(&image);
 }
 
+static void check_same_rows(const struct frame_view *frame, struct steer *half,
+                            const struct frame_view *small, struct steer *alone)
+{
+    steer_begin(half);
+    steer_begin(alone);
+    for (uint16_t y = 0; y < small->height_px; y++) {
+        const struct dsp_gradient *found = steer_row(half, frame, y);
+        const struct dsp_gradient *expected = steer_row(alone, small, y);
+        TEST_ASSERT_EQUAL_INT16_ARRAY(expected->x_q3, found->x_q3, small->width_px);
+        TEST_ASSERT_EQUAL_INT16_ARRAY(expected->y_q3, found->y_q3, small->width_px);
+        TEST_ASSERT_EQUAL_INT16_ARRAY(expected->xx_q2, found->xx_q2, small->width_px);
+        TEST_ASSERT_EQUAL_INT16_ARRAY(expected->xy_q2, found->xy_q2, small->width_px);
+        TEST_ASSERT_EQUAL_INT16_ARRAY(expected->yy_q2, found->yy_q2, small->width_px);
+        TEST_ASSERT_EQUAL_INT8_ARRAY(expected->side, found->side, small->width_px);
+    }
+}
+
+/* The halved picture as a frame of 12 bits, which hold it exactly. The frame's odd last column and row are left
+ * out. */
+static void halved_frame_is_steered_like_its_halved_picture(void)
+{
+    static const enum frame_format formats[] = {FRAME_GREY8, FRAME_GREY12};
+    static uint8_t bytes[2 * 41 * 35];
+    static uint16_t picture[20 * 17];
+    for (unsigned i = 0; i < 2; i++) {
+        junk(bytes, sizeof bytes, 12 + i);
+        const struct frame_view frame = {.pixels = bytes, .stride_bytes = 41 * (i + 1),
+                                         .width_px = 41, .height_px = 35, .format = formats[i]};
+        for (uint16_t y = 0; y < 17; y++) {
+            luma_halved_row(&frame, y, picture + 20 * y);
+        }
+        const struct frame_view small = {.pixels = (const uint8_t *)picture, .stride_bytes = 40,
+                                         .width_px = 20, .height_px = 17, .format = FRAME_GREY12};
+        start(3, 20, 20, 17);
+        struct steer alone = steer;
+        void *own = memory;
+        memory = NULL;
+        start(3, 20, 41, 35);
+        struct steer half;
+        steer_halve(&steer, &half);
+        check_same_rows(&frame, &half, &small, &alone);
+        free(own);
+    }
+}
+
+/* sigma r / 3 px of the picture it sees; a pixel of the halved frame is a box of 2 px, of 4 / 12 px^2, where one of the
+ * frame has 1 / 12: sqrt(4 sigma^2 + 1/4). Both roots are cut to Q16, the filter's own sigma counting twice. */
+static void width_of_the_filters_is_told_in_pixels_of_the_frame(void)
+{
+    for (unsigned radius = 2; radius <= 5; radius++) {
+        start(radius, 20, 40, 30);
+        struct steer half;
+        steer_halve(&steer, &half);
+        const double sigma = radius / 3.0;
+        SYNTH_NEAR(1.0 / 65536, sigma, steer_sigma_px_q16(&steer) / 65536.0);
+        SYNTH_NEAR(3.0 / 65536, sqrt(4 * sigma * sigma + 0.25), steer_sigma_px_q16(&half) / 65536.0);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -179,5 +238,7 @@ int main(void)
     RUN_TEST(second_frame_owes_nothing_to_the_first);
     RUN_TEST(row_holds_until_the_row_after_the_next_is_asked_for);
     RUN_TEST(sides_follow_the_threshold_and_tell_dark_from_bright);
+    RUN_TEST(halved_frame_is_steered_like_its_halved_picture);
+    RUN_TEST(width_of_the_filters_is_told_in_pixels_of_the_frame);
     return UNITY_END();
 }
