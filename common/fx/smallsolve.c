@@ -67,6 +67,10 @@ bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
         }
     }
     for (unsigned i = size; i-- > 0;) {
+        /* Above 2^60 already, which what is taken away, 7 times 2^52, does not bring back. */
+        if (fx_abs_i64(x_q30[i]) > factored->at_q30[i][i] << 30) {
+            return false;
+        }
         x_q30[i] = fx_mul_wide_q30(x_q30[i], factored->over_pivot_q30[i]);
         for (unsigned k = i + 1; k < size; k++) {
             x_q30[i] -= fx_mul_wide_q30(factored->at_q30[k][i], x_q30[k]);

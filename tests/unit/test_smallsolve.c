@@ -138,6 +138,54 @@ static void unit_matrix_gives_the_right_side_back(void)
     }
 }
 
+/* Matrices that are not positive definite, as far as entries may be: wherever a pivot is raised, to the least floor
+ * that is used or higher, entries of L grow without limit and are cut. With SAN=1 an overflow ends the program.
+ * What a solve lets through is within its range. */
+static void raised_pivots_do_not_overflow(void)
+{
+    uint64_t seed = 56;
+    unsigned raised = 0;
+    for (unsigned round = 0; round < 20000; round++) {
+        struct smallsolve a = {.size = 1 + round % SMALLSOLVE_MAX};
+        int64_t x_q30[SMALLSOLVE_MAX];
+        for (unsigned i = 0; i < a.size; i++) {
+            for (unsigned j = 0; j <= i; j++) {
+                const double at = round % 3 ? 4 * synth_uniform(&seed) - 2
+                                            : (synth_u64(&seed) & 1 ? 2 : -2);
+                a.at_q30[i][j] = llrint(one_q30 * (i == j ? fabs(at) : at));
+            }
+            if (synth_u64(&seed) % 4 == 0) {
+                a.at_q30[i][i] = 1;
+            }
+            x_q30[i] = synth_u64(&seed) & 1 ? (int64_t)2 << 30 : -((int64_t)2 << 30);
+        }
+        const int64_t floor_q30 = (int64_t)1 << (2 + round / 8 % 23);
+        const bool regular = smallsolve_factor(&a, floor_q30);
+        raised += regular ? 0 : 1;
+        for (unsigned i = 0; i < a.size; i++) {
+            TEST_ASSERT_TRUE(a.at_q30[i][i] >= floor_q30);
+        }
+        if (smallsolve_solve(&a, x_q30)) {
+            for (unsigned i = 0; i < a.size; i++) {
+                TEST_ASSERT_TRUE(fabs((double)x_q30[i] / one_q30) <= 256);
+            }
+        }
+    }
+    TEST_ASSERT_TRUE(raised > 10000);
+}
+
+/* L = (1; 33 1), D = (2^-6, 2^-28): forwards x2 = 2 - 66 = -64, and -64 / 2^-28 is -2^64 in Q30, which 64 bits
+ * would take for 0; x1 = 2 / 2^-6 is no excuse. */
+static void solution_beyond_64_bits_is_refused_too(void)
+{
+    struct smallsolve a = {.size = 2};
+    a.at_q30[0][0] = 1 << 24;
+    a.at_q30[1][0] = 33 << 24;
+    TEST_ASSERT_FALSE(smallsolve_factor(&a, 4));
+    int64_t x_q30[2] = {(int64_t)2 << 30, (int64_t)2 << 30};
+    TEST_ASSERT_FALSE(smallsolve_solve(&a, x_q30));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -145,5 +193,7 @@ int main(void)
     RUN_TEST(singular_matrix_is_reported_and_its_null_vector_comes_out);
     RUN_TEST(solution_beyond_the_range_is_refused);
     RUN_TEST(unit_matrix_gives_the_right_side_back);
+    RUN_TEST(raised_pivots_do_not_overflow);
+    RUN_TEST(solution_beyond_64_bits_is_refused_too);
     return UNITY_END();
 }
