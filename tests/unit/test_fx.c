@@ -110,6 +110,25 @@ static void q30_products_are_rounded(void)
     TEST_ASSERT_EQUAL_INT64(0, fx_mul_q30(-one / 2, 1));
 }
 
+/* test_fx_portable.c has more, for compilers without 128-bit integers. Products of 2^bits and odd numbers of 45 bits
+ * are known: the power shifts. */
+static void wide_q30_products_are_rounded(void)
+{
+    const int64_t one = (int64_t)1 << 30;
+    TEST_ASSERT_EQUAL_INT64(1, fx_mul_wide_q30(one / 2, 1)); /* half a step: upwards */
+    TEST_ASSERT_EQUAL_INT64(0, fx_mul_wide_q30(-one / 2, 1));
+    TEST_ASSERT_EQUAL_INT64(-INT64_MAX, fx_mul_wide_q30(-INT64_MAX, one));
+    uint64_t seed = 3;
+    for (int i = 0; i < 20000; i++) {
+        const int64_t odd = ((int64_t)synth_u64(&seed) >> 19) | 1;
+        const unsigned shift = (unsigned)(synth_u64(&seed) % 47);
+        const int64_t expected =
+            shift > 30 ? odd * ((int64_t)1 << (shift - 30)) : fx_scale_i64(odd, (int)shift - 30);
+        TEST_ASSERT_EQUAL_INT64(expected, fx_mul_wide_q30(odd, (int64_t)1 << shift));
+        TEST_ASSERT_EQUAL_INT64(expected, fx_mul_wide_q30((int64_t)1 << shift, odd));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -122,5 +141,6 @@ int main(void)
     RUN_TEST(division_rounds_halves_away_from_zero);
     RUN_TEST(bit_counts_are_right_at_every_power_of_two);
     RUN_TEST(q30_products_are_rounded);
+    RUN_TEST(wide_q30_products_are_rounded);
     return UNITY_END();
 }
