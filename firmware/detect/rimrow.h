@@ -54,7 +54,7 @@ struct rimrow_view {
     int32_t  peak_n1_q11;
     int32_t  peak_shown_q15;   /* 1: the peak goes on beyond the rim; 0: it ends there */
     uint32_t edge_count;       /* at most RIMROW_EDGES */
-    uint32_t edge_shift;       /* at most 14 */
+    uint32_t edge_shift;       /* 2..14: distances stay below 2^18 blurs */
     struct rimrow_edge edges[RIMROW_EDGES];
 };
 

@@ -1,5 +1,5 @@
 /* The wide product as compilers without 128-bit integers build it, against those integers where the compiler has
- * them. The header is read twice with that macro hidden in between; so this stands alone in a program. */
+ * them: the header is read with their macro hidden. */
 #if defined(__SIZEOF_INT128__)
 #define HAS_INT128
 __extension__ typedef __int128 exact_int;

@@ -24,8 +24,8 @@ static double within(uint64_t *seed, double low, double high)
     return low + (high - low) * synth_uniform(seed);
 }
 
-/* A view of an ellipse with semi-axes alpha^-1/2 and alpha^1/2 (R = 1), the longer one turned by `turn` of the doubled
- * angle; R / s = over_blur. The circle is plain, of its full swing, and far from everything. */
+/* A view of an ellipse with semi-axes alpha^-1/2 and alpha^1/2 (R = 1), turned by `turn` of the doubled angle;
+ * R / s = over_blur. The circle is plain, of its full swing, and far from everything. */
 static struct rimrow_view make_view(double alpha, double turn, double over_blur)
 {
     const double swing = (1 / alpha - alpha) / 2;
@@ -187,8 +187,9 @@ static struct row tolerance_of(const struct rimrow_view *view, const struct plac
             most.at[k] = fmax(most.at[k], fabs(other.at[k] - middle.at[k]));
         }
     }
-    /* phi by a polynomial to the fourth, Mills' ratio by another, 6e-4 of phi (tools/gen/rimrow_table.py), and cuts to Q15 in each
-     * of their steps: 16 of them. Peaks come from the same phi, not over phi(0)^3. */
+    /* phi by a polynomial to the fourth, Mills' ratio by another that is off by 6e-4 of a phi below 0.4
+     * (tools/gen/rimrow_table.py), and cuts to Q15 in each of their steps: 16 of them. Peaks come from the same
+     * phi, not over phi(0)^3. */
     const double profile = 2.4e-4 + 16 * 0x1p-15;
     const double edge = view->edge_q14 / 16384.0;
     const double over_rim = view->over_rim_q11 / 2048.0 * view->edge_count;
