@@ -182,7 +182,7 @@ static bool run_halved(struct pipeline *pipeline, const struct frame_view *frame
     complete(pipeline, &pipeline->half, frame, since);
     survey_explain(&pipeline->survey, &pipeline->patches, &pipeline->marks);
     return pipeline_truncated(pipeline) == 0 && survey_left(&pipeline->survey) == 0 &&
-           !survey_misses_anchor(&pipeline->marks, classified);
+           !survey_misses_anchors(&pipeline->marks, classified);
 }
 
 void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)

@@ -30,7 +30,8 @@ void survey_explain(struct survey *survey, const struct patches *patches, const 
 /* Cells with edges enough for a part of a patch. */
 uint32_t survey_left(const struct survey *survey);
 
-/* Whether one of the first `classified` marks looks like an anchor and has no named circle in its place. */
-bool survey_misses_anchor(const struct marks *marks, uint32_t classified);
+/* Whether many of the first `classified` marks look like anchors and have no named circle in their place: more
+ * than an eighth of those that have one. */
+bool survey_misses_anchors(const struct marks *marks, uint32_t classified);
 
 #endif

@@ -161,7 +161,8 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
         const Surface* surface = surface_of(solution.state, static_cast<int>(b));
         out["boards"].push_back(
             {{"name", scene.boards[b].name},
-             {"surface", surface_json(surface != nullptr ? *surface : Surface(), scene.boards[b])}});
+             {"surface", surface_json(surface != nullptr ? *surface : Surface(), scene.boards[b])},
+             {"scale", scene.boards[b].scale}});
     }
     out["frames"] = frames_json(scene, solution);
     out["held_out"] = choice_json(solution.choice);

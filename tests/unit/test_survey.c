@@ -157,44 +157,50 @@ static void features_at_the_frames_border_explain_what_is_there(void)
     check_explained(8, 5, 9, 7);
 }
 
-static struct mark list[3];
-static const struct marks three = {.at = list, .count = 3, .size = 3};
+/* Anchors 100 px apart, and room behind them for what the lattice adds. */
+#define ANCHORS 20u
+static struct mark list[ANCHORS + 4];
+static const struct marks all = {.at = list, .count = ANCHORS + 4, .size = ANCHORS + 4};
 
-static void make_marks(void)
+static void make_marks(unsigned named)
 {
     memset(list, 0, sizeof list);
-    for (unsigned i = 0; i < 3; i++) {
-        list[i].ellipse.x_px_q16 = (int32_t)(100 + 200 * i) << 16;
+    for (unsigned i = 0; i < ANCHORS; i++) {
+        list[i].ellipse.x_px_q16 = (int32_t)(100 + 100 * i) << 16;
         list[i].ellipse.y_px_q16 = 100 << 16;
         list[i].size_px_q16 = 20 << 16;
+        list[i].large = true;
+        list[i].contrast_q30 = i < named ? -5 : 0; /* named and fitted */
     }
 }
 
-static void anchor_without_a_name_is_missed(void)
+static void many_anchors_without_a_name_are_missed(void)
 {
-    make_marks();
-    TEST_ASSERT_FALSE(survey_misses_anchor(&three, 3)); /* small ones are no anchors */
-    list[1].large = true;
-    TEST_ASSERT_TRUE(survey_misses_anchor(&three, 3));
-    TEST_ASSERT_FALSE(survey_misses_anchor(&three, 1)); /* not among those that were classified */
-    list[1].contrast_q30 = -5; /* named and fitted */
-    TEST_ASSERT_FALSE(survey_misses_anchor(&three, 3));
+    make_marks(ANCHORS);
+    TEST_ASSERT_FALSE(survey_misses_anchors(&all, ANCHORS));
+    make_marks(ANCHORS - 2); /* two are few */
+    TEST_ASSERT_FALSE(survey_misses_anchors(&all, ANCHORS));
+    make_marks(ANCHORS - 3); /* more than an eighth of the 17 others */
+    TEST_ASSERT_TRUE(survey_misses_anchors(&all, ANCHORS));
+    TEST_ASSERT_FALSE(survey_misses_anchors(&all, ANCHORS - 3)); /* not among those that were classified */
+    list[ANCHORS - 1].large = false; /* small ones are no anchors */
+    TEST_ASSERT_FALSE(survey_misses_anchors(&all, ANCHORS));
 }
 
 /* The lattice finds circles again that have a mark already: half a radius in x and y is the same place. */
-static void anchor_that_the_lattice_named_is_not_missed(void)
+static void anchors_that_the_lattice_named_are_not_missed(void)
 {
-    make_marks();
-    list[1].large = true;
-    list[2].contrast_q30 = 1;
-    list[2].ellipse.x_px_q16 = list[1].ellipse.x_px_q16 + (10 << 16) - 1;
-    list[2].ellipse.y_px_q16 = list[1].ellipse.y_px_q16 - (10 << 16) + 1;
-    TEST_ASSERT_FALSE(survey_misses_anchor(&three, 2));
-    list[2].ellipse.x_px_q16++;
-    TEST_ASSERT_TRUE(survey_misses_anchor(&three, 2));
-    list[2].ellipse.x_px_q16--;
-    list[2].ellipse.y_px_q16--;
-    TEST_ASSERT_TRUE(survey_misses_anchor(&three, 2));
+    make_marks(ANCHORS - 3);
+    struct mark *added = &list[ANCHORS];
+    added->contrast_q30 = 1;
+    added->ellipse.x_px_q16 = list[ANCHORS - 1].ellipse.x_px_q16 + (10 << 16) - 1;
+    added->ellipse.y_px_q16 = list[ANCHORS - 1].ellipse.y_px_q16 - (10 << 16) + 1;
+    TEST_ASSERT_FALSE(survey_misses_anchors(&all, ANCHORS));
+    added->ellipse.x_px_q16++;
+    TEST_ASSERT_TRUE(survey_misses_anchors(&all, ANCHORS));
+    added->ellipse.x_px_q16--;
+    added->ellipse.y_px_q16--;
+    TEST_ASSERT_TRUE(survey_misses_anchors(&all, ANCHORS));
 }
 
 int main(void)
@@ -206,7 +212,7 @@ int main(void)
     RUN_TEST(cells_three_quarters_of_a_side_around_features_are_explained);
     RUN_TEST(reach_ends_where_the_cell_does);
     RUN_TEST(features_at_the_frames_border_explain_what_is_there);
-    RUN_TEST(anchor_without_a_name_is_missed);
-    RUN_TEST(anchor_that_the_lattice_named_is_not_missed);
+    RUN_TEST(many_anchors_without_a_name_are_missed);
+    RUN_TEST(anchors_that_the_lattice_named_are_not_missed);
     return UNITY_END();
 }
