@@ -107,7 +107,7 @@ static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct 
     if (blur_px_q16 == 0 || view->size_px_q16 > HELD_SIGMAS * blur_px_q16) {
         return;
     }
-    const int64_t off_q16 = ((blur_px_q16 - view->blur_px_q16) << 16) / view->blur_px_q16;
+    const int64_t off_q16 = (blur_px_q16 - view->blur_px_q16) * 65536 / view->blur_px_q16;
     normal->at_q30[place_of[RIM_BLUR]][place_of[RIM_BLUR]] += HELD_Q30;
     right_q30[place_of[RIM_BLUR]] += fx_mul_q30((contrast_q30 * off_q16) >> 16, HELD_Q30);
 }
