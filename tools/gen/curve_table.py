@@ -44,10 +44,11 @@ entries by 1. So --check takes entries within 3 units; moving all at random by s
 """
 import math
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
+
+from keep_file import keep
 
 OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/curve_table.c"
 
@@ -189,17 +190,11 @@ def agrees():
     return found == text(values) and np.abs(values - fit()[0]).max() <= SLACK
 
 
-def main():
-    if sys.argv[1:] == ["--check"]:
-        if not agrees():
-            sys.exit(f"{OUTPUT} is not what tools/gen/curve_table.py writes; run it")
-    elif not sys.argv[1:]:
-        table, rms = fit()
-        OUTPUT.write_text(text(table))
-        print(f"{OUTPUT.name}: RMS of what the fit leaves {rms:.5f}")
-    else:
-        sys.exit(__doc__)
+def fitted():
+    table, rms = fit()
+    print(f"{OUTPUT.name}: RMS of what the fit leaves {rms:.5f}")
+    return text(table)
 
 
 if __name__ == "__main__":
-    main()
+    keep(OUTPUT, fitted, __doc__, agrees)

@@ -7,9 +7,10 @@ Numbers are a + b*sqrt(2) with rational a and b until the last step, so each Q30
 one rounded to nearest. The geometry is told in words in common/target/TARGET.md.
 """
 import math
-import sys
 from fractions import Fraction as F
 from pathlib import Path
+
+from keep_file import keep
 
 OUTPUT = Path(__file__).resolve().parents[2] / "common/target/layout_table.c"
 GUARD_BITS = 200
@@ -125,15 +126,5 @@ def text():
         + table("layout_table_level2", level2) + "\n" + table("layout_table_level3", level3))
 
 
-def main():
-    if sys.argv[1:] == ["--check"]:
-        if not OUTPUT.exists() or OUTPUT.read_text() != text():
-            sys.exit(f"{OUTPUT} is not what tools/gen/layout_table.py writes; run it")
-    elif not sys.argv[1:]:
-        OUTPUT.write_text(text())
-    else:
-        sys.exit(__doc__)
-
-
 if __name__ == "__main__":
-    main()
+    keep(OUTPUT, text, __doc__)

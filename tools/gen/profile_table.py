@@ -10,8 +10,9 @@ All are read with linear interpolation, whose error is h^2 / 8 times the second 
   inverse 1 / sqrt(x) on [1, 4], same places:                    |f''| <= 0.75: 2.3e-5
 """
 import math
-import sys
 from pathlib import Path
+
+from keep_file import keep
 
 OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/profile_table.c"
 
@@ -42,15 +43,5 @@ def table():
     return "\n".join(out) + "\n"
 
 
-def main():
-    if sys.argv[1:] == ["--check"]:
-        if not OUTPUT.exists() or OUTPUT.read_text() != table():
-            sys.exit(f"{OUTPUT} is not what tools/gen/profile_table.py writes; run it")
-    elif not sys.argv[1:]:
-        OUTPUT.write_text(table())
-    else:
-        sys.exit(__doc__)
-
-
 if __name__ == "__main__":
-    main()
+    keep(OUTPUT, table, __doc__)

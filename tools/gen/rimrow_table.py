@@ -10,8 +10,9 @@ best polynomial of its degree. Errors, of the polynomials alone:
   mills  (1 - Phi(t)) / phi(t) on [0, 4], by (t - 2) / 2: 6e-4, of a tail below 0.12 where it is used
 """
 import math
-import sys
 from pathlib import Path
+
+from keep_file import keep
 
 OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/rimrow_table.h"
 
@@ -56,15 +57,5 @@ def table():
     return "\n".join(out) + "\n"
 
 
-def main():
-    if sys.argv[1:] == ["--check"]:
-        if not OUTPUT.exists() or OUTPUT.read_text() != table():
-            sys.exit(f"{OUTPUT} is not what tools/gen/rimrow_table.py writes; run it")
-    elif not sys.argv[1:]:
-        OUTPUT.write_text(table())
-    else:
-        sys.exit(__doc__)
-
-
 if __name__ == "__main__":
-    main()
+    keep(OUTPUT, table, __doc__)

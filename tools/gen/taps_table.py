@@ -9,8 +9,9 @@ do: the sums are 1, 0 and 0, the first moment of g' is -1 and the second moment 
 Rounding to integers keeps the sums exact, because the centre tap takes what is left over.
 """
 import math
-import sys
 from pathlib import Path
+
+from keep_file import keep
 
 OUTPUT = Path(__file__).resolve().parents[2] / "firmware/detect/taps_table.c"
 
@@ -65,15 +66,5 @@ def table():
     return "\n".join(out) + "\n"
 
 
-def main():
-    if sys.argv[1:] == ["--check"]:
-        if not OUTPUT.exists() or OUTPUT.read_text() != table():
-            sys.exit(f"{OUTPUT} is not what tools/gen/taps_table.py writes; run it")
-    elif not sys.argv[1:]:
-        OUTPUT.write_text(table())
-    else:
-        sys.exit(__doc__)
-
-
 if __name__ == "__main__":
-    main()
+    keep(OUTPUT, table, __doc__)
