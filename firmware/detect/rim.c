@@ -14,15 +14,16 @@
 #define BAND_MIN_PX_Q16 45875 /* 0.7 */
 /* Rows and columns are visited so much beyond the band; the band itself is then exact. */
 #define SPAN_MARGIN_PX_Q16 8192
+/* So many blurs from the band an edge adds less than 6e-4 of the swing at one spot. */
 #define FELT_Q16 (13 << 14) /* 3.25 */
 /* In radii: the band's pixels are then within the range of rimrow.h. */
 #define OUTWARDS_MAX_Q16 111411 /* 1.7 */
-/* The first pass, which the second corrects, takes every second row of circles of this size, and of large
- * ones so many that ten or more cross the circle. */
+/* The first pass, which the second corrects, takes every second row of circles of this size, and of larger ones so
+ * many that four or more cross the circle. */
 #define THIN_MIN_PX_Q16 (5 << 16)
 #define THIN_SHARE_PX_Q16 (2 << 16)
 #define THIN_STEP_MAX   6
-
+/* Blur over radius: the circles that are kept stay below (curve.h). */
 #define EPS_MAX_Q16 62259 /* 0.95 */
 /* Peaks narrower than this, in radii, have ended at the rim, so that it does not matter that it cuts them. */
 #define PEAK_WIDE_Q16 29491 /* 0.45 */
@@ -35,7 +36,7 @@ struct band {
     int64_t clear_px_q16;     /* 2.2 s, or 1.2 s */
     int64_t outer_square_q16; /* rho^2 within which the whole band lies */
     int64_t inner_square_q16; /* and without; 0: the centre may be in it */
-    int64_t outer_q16;
+    int64_t outer_q16;        /* rho at the band's outer end */
     int64_t alpha_q16;        /* minor over major semi-axis */
     bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
 };
@@ -114,7 +115,7 @@ static struct felt_edge describe_edge(const struct rim_view *view, const struct 
                               (q_px_q16 * over_blur_q24) >> 24};
 }
 
-/* Beyond so many blurs from the band an edge adds less than 6e-4 of the swing at one spot. */
+/* Whether an edge shows in the band. */
 static bool is_felt(const struct felt_edge *edge, const struct band *band)
 {
     const int64_t steep_q16 = (int64_t)root_u64(
