@@ -9,6 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "host/base/median.h"
+
 namespace rig {
 namespace {
 
@@ -27,16 +29,14 @@ cv::Vec3f colour(double part)
                      static_cast<float>(255.0 * std::max(0.0, 2.0 * t - 1.0)));
 }
 
-double median(std::vector<double> values)
+double finite_median(std::vector<double> values)
 {
     values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }),
                  values.end());
     if (values.empty()) {
         return 0.0;
     }
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+    return median_of(&values);
 }
 
 }  // namespace
@@ -48,7 +48,7 @@ std::string heat_png(const RigCamera& camera, double distance_mm, const std::vec
     for (const PixelError& error : grid) {
         values.push_back(worst_px(error));
     }
-    const double full_px = std::max(1e-9, 3.0 * median(values));
+    const double full_px = std::max(1e-9, 3.0 * finite_median(values));
     cv::Mat small(kHeatRows, kHeatColumns, CV_32FC3);
     for (int i = 0; i < kHeatRows * kHeatColumns; ++i) {
         small.at<cv::Vec3f>(i / kHeatColumns, i % kHeatColumns) =

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <set>
 
+#include "host/base/median.h"
+
 namespace rig {
 namespace {
 
@@ -15,9 +17,7 @@ Span span_of(std::vector<double> values)
     if (values.empty()) {
         return {};
     }
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    const double median = *middle;
+    const double median = median_of(&values);
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     return {*least, median, *most};
 }

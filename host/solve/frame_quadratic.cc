@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "host/base/median.h"
+
 namespace rig {
 namespace {
 
@@ -20,14 +22,13 @@ View with_own_points(const View& view, const Camera& lens, const Pose& cam_from_
     View out = thinned(all, kPoints);
     Eigen::Matrix2Xd residuals;
     view_residuals(out, lens, cam_from_board, &residuals);
-    std::vector<double> sorted;
+    std::vector<double> sizes;
     for (Eigen::Index i = 0; i < residuals.cols(); ++i) {
-        sorted.push_back(residuals.col(i).norm());
+        sizes.push_back(residuals.col(i).norm());
     }
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double median = median_of(&sizes);
     for (std::size_t i = 0; i < out.points.size(); ++i) {
-        out.points[i].used = residuals.col(static_cast<Eigen::Index>(i)).norm() <= kOwnSigmas * *middle;
+        out.points[i].used = residuals.col(static_cast<Eigen::Index>(i)).norm() <= kOwnSigmas * median;
     }
     return out;
 }

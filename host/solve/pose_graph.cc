@@ -10,6 +10,7 @@
 #include <set>
 #include <tuple>
 
+#include "host/base/median.h"
 #include "host/solve/hand_eye.h"
 #include "host/solve/view_kernel.h"
 
@@ -314,9 +315,7 @@ double misfit_px(const View& view, const RigState& state)
         sizes.push_back(static_cast<double>(view.points[i].sigma_px)
                         * residuals.col(static_cast<Eigen::Index>(i)).norm());
     }
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    return std::min(kTryErrorMaxPx, *middle);
+    return std::min(kTryErrorMaxPx, median_of(&sizes));
 }
 
 // Of the poses that each view says this body has, the one that suits all its views best.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/base/median.h"
 #include "host/base/parallel.h"
 #include "host/solve/circle_centre.h"
 #include "host/solve/view_kernel.h"
@@ -167,9 +168,7 @@ std::vector<double> noise_factors(const RigState& state, int threads, const std:
     std::vector<double> factors(sizes.size(), 0.0);
     parallel_for(sizes.size(), threads, 1, [&](std::size_t camera) {
         std::vector<float>& list = sizes[camera];
-        const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-        std::nth_element(list.begin(), middle, list.end());
-        factors[camera] = list.empty() ? 0.0 : 1.4826 * static_cast<double>(*middle);
+        factors[camera] = list.empty() ? 0.0 : 1.4826 * static_cast<double>(median_of(&list));
     });
     return factors;
 }

@@ -9,6 +9,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "host/base/median.h"
+
 namespace rig {
 namespace {
 
@@ -21,23 +23,16 @@ struct Distance {
     double sigma_part = 0.0;  // of the median, relative
 };
 
-double median_of(std::vector<double> list)
-{
-    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-    std::nth_element(list.begin(), middle, list.end());
-    return *middle;
-}
-
 // Of a Gaussian sample the median deviates by 1.2533 / sqrt(n) sigmas, and sigma is 1.4826 median
 // deviations.
 void settle(Distance* distance)
 {
-    distance->median_mm = median_of(distance->all_mm);
+    distance->median_mm = median_of(&distance->all_mm);
     std::vector<double> off;
     for (const double each : distance->all_mm) {
         off.push_back(std::abs(each - distance->median_mm));
     }
-    distance->sigma_part = 1.2533 * 1.4826 * median_of(off)
+    distance->sigma_part = 1.2533 * 1.4826 * median_of(&off)
                            / std::sqrt(static_cast<double>(off.size())) / distance->median_mm;
 }
 

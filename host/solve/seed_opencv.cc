@@ -7,6 +7,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "host/base/median.h"
 #include "host/solve/seed.h"
 
 namespace rig {
@@ -156,9 +157,7 @@ double median_error_px(const Rays& rays, const Pose& cam_from_board, double foca
         const Eigen::Vector3d p = cam_from_plane * Eigen::Vector3d(b.x, b.y, b.z);
         errors.push_back(std::hypot(p.x() / p.z() - rays.image[i].x, p.y() / p.z() - rays.image[i].y));
     }
-    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    return focal_px * *middle;
+    return focal_px * median_of(&errors);
 }
 
 Camera plain_lens(CameraModel model, const SceneCamera& camera, double focal_px)
