@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -85,7 +84,8 @@ Result<Scene> read_input(const SolveArguments& arguments)
     return observe(arguments.inputs, arguments.targets, options);
 }
 
-Status read_prior(const SolveArguments& arguments, const Scene& scene, CameraModel model, Prior* prior)
+// Where the model was left to the tool, it is the prior's.
+Status read_prior(const SolveArguments& arguments, const Scene& scene, SolveOptions* options, Prior* prior)
 {
     Result<RigFile> rig = read_rig_file(arguments.prior);
     if (!rig.ok()) {
@@ -107,7 +107,10 @@ Status read_prior(const SolveArguments& arguments, const Scene& scene, CameraMod
         prior->cam_from_rig.push_back(camera.cam_from_rig);
         sizes_px.emplace_back(camera.width_px, camera.height_px);
     }
-    return match_prior(scene, model, sizes_px, prior);
+    if (options->choose_lens && !prior->lenses.empty()) {
+        options->model = prior->lenses.front().model;
+    }
+    return match_prior(scene, options->model, sizes_px, prior);
 }
 
 Status write_result(const SolveArguments& arguments, const Scene& scene, const Solution& solution)
@@ -166,7 +169,7 @@ Status solve(const SolveArguments& arguments)
     options.threads = arguments.threads;
     Prior prior;
     if (!arguments.prior.empty()) {
-        const Status status = read_prior(arguments, scene.value(), options.model, &prior);
+        const Status status = read_prior(arguments, scene.value(), &options, &prior);
         if (!status.ok()) {
             return status;
         }

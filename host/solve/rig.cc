@@ -362,7 +362,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return Status::failure("the joint solution does not settle; record more views");
     }
     solution.noise_factor = refined.noise_factor;
-    enrich(scene, options, progress, &solution);
+    if (options.prior == nullptr) {  // richer models are solved for without it
+        enrich(scene, options, progress, &solution);
+    }
     status = check_support(scene, options.prior, connection, alone_px, solution);
     if (!status.ok()) {
         return status;

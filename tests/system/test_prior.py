@@ -102,5 +102,21 @@ def rename(rig):
     names[:] = [n.replace("cam", "x") for n in names]
 
 
+def test_a_model_left_to_the_tool_is_the_priors_and_stays_it(tmp_path):
+    # Rational lenses describe Brown's as well; where nothing is given the tool would take Brown's.
+    lab = tmp_path / "lab"
+    run("solve", site(tmp_path / "first"), "--out", lab, "--model", "rational")
+    rig = json.loads((lab / "rig.json").read_text())
+    assert {camera["model"] for camera in rig["cameras"]} == {"rational"}
+    folder = site(tmp_path / "second", seed=18)
+    run("solve", folder, "--out", tmp_path / "out", "--prior", lab / "rig.json")
+    later = json.loads((tmp_path / "out" / "rig.json").read_text())
+    for camera, before in zip(later["cameras"], rig["cameras"]):
+        assert camera["model"] == "rational"
+        # Both recordings together know fx better than the first.
+        assert camera["standard_deviation"]["fx"] < before["standard_deviation"]["fx"]
+    assert all(board["surface"] is None for board in later["boards"])
+
+
 def test_prior_poses_wants_a_prior(tmp_path):
     assert run("solve", tmp_path, "--out", tmp_path / "out", "--prior-poses").returncode == 2
