@@ -21,6 +21,7 @@ detect_SRC := \
   firmware/detect/pattern.c \
   firmware/detect/curve_table.c \
   firmware/detect/curve.c \
+  firmware/detect/junction.c \
   firmware/detect/rim.c \
   firmware/detect/circlefit.c \
   firmware/detect/light.c \

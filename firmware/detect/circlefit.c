@@ -15,8 +15,8 @@
 #define OCTANT_PIXELS_MIN 4u
 #define GROWTH_MAX_Q36    ((int64_t)1 << 33) /* an eighth */
 /* Smaller circles are placed by their noise; and what is known no better than this may be 0.3 px off. */
-#define SIZE_SIGMAS_Q8    456   /* 1.78 */
-#define SIGMA_MAX_PX_Q20  57672 /* 0.055 */
+#define SIZE_SIGMAS_Q8    425   /* 1.66 */
+#define SIGMA_MAX_PX_Q20  62914 /* 0.06 */
 #define NARROW_SIGMAS_Q16 98304 /* 1.5 */
 /* The band of 2 blurs and the 3.25 from which edges are felt (rim.c). */
 #define ROOMY_SIGMAS_Q8   1344

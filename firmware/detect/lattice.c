@@ -263,6 +263,24 @@ static unsigned extend_patch(struct lattice *lattice, struct refine *refine,
     return added;
 }
 
+/* Refines a patch again that was cut, or was while it was refined: its own circles did not tell its edges well. */
+static void refine_cut(struct lattice *lattice, struct refine *refine,
+                       const struct frame_view *frame, struct patches *patches, struct marks *marks,
+                       unsigned row, unsigned col)
+{
+    const struct target *target = patches->settings.target;
+    struct patch *patch = &patches->at[lattice->patch_of[row * target->cols + col]];
+    struct boardmap map;
+    if (!patch->extended && patch->feature_count == layout_feature_count(target->levels)) {
+        return;
+    }
+    const uint32_t pairs = gather_pairs(lattice, patches, marks, row, col, lattice->pairs);
+    if (boardmap_fit(lattice->pairs, pairs, &map)) {
+        const struct patch_light light = nearby_light(lattice, patches, row, col);
+        refine_again(refine, frame, &map, &light, patches, patch, marks);
+    }
+}
+
 /* Takes the smallest circles out that lie off the map through all around: under noise a few settle in a wrong
  * place. */
 static void drop_strays(struct lattice *lattice, const struct refine *refine,
@@ -364,11 +382,9 @@ void lattice_extend(struct lattice *lattice, struct refine *refine,
         }
     }
     for (unsigned place = 0; place < places; place++) {
-        const uint32_t index = lattice->patch_of[place];
-        if (index != MARKS_NONE && patches->at[index].extended) {
-            const struct patch_light light =
-                nearby_light(lattice, patches, place / target->cols, place % target->cols);
-            refine_again(refine, frame, &light, patches, &patches->at[index], marks);
+        if (lattice->patch_of[place] != MARKS_NONE) {
+            refine_cut(lattice, refine, frame, patches, marks, place / target->cols,
+                       place % target->cols);
         }
     }
     for (unsigned place = 0; place < places; place++) {

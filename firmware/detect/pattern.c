@@ -1,5 +1,5 @@
-/* The colour behind an edge is that of the triangle that holds a point a little beyond the edge's middle.
- * The anchor's edges each border on two triangles; they are far enough from its circle not to matter. */
+/* Colours behind an edge are those of the triangles that hold points a little beyond the edge's middle. Behind a
+ * small circle's edge there is one; behind each of the anchor's, three meet. */
 #include "firmware/detect/pattern.h"
 
 #include <stddef.h>
@@ -69,9 +69,9 @@ static enum colour colour_at(const struct pattern_patch *patch, int64_t u_q24, i
     return colour_in_patch(target->levels, target->ids[place], u, v);
 }
 
-/* The line through two image points, its normal turned towards the third. False when they are one. */
-static bool make_edge(const struct boardmap_place *a, const struct boardmap_place *b,
-                      const struct boardmap_place *inside, struct pattern_edge *out)
+/* The normal of the line through two image points, turned towards the third. False when they are one. */
+static bool find_normal(const struct boardmap_place *a, const struct boardmap_place *b,
+                        const struct boardmap_place *inside, int32_t *nx_q15, int32_t *ny_q15)
 {
     int64_t nx = a->y_q16 - b->y_q16;
     int64_t ny = b->x_q16 - a->x_q16;
@@ -84,55 +84,122 @@ static bool make_edge(const struct boardmap_place *a, const struct boardmap_plac
     }
     const int64_t towards = nx * ((inside->x_q16 - a->x_q16) >> 8) +
                             ny * ((inside->y_q16 - a->y_q16) >> 8);
-    nx = towards < 0 ? -nx : nx;
-    ny = towards < 0 ? -ny : ny;
-    *out = (struct pattern_edge){
-        .x_px_q16 = fx_saturate_i32((a->x_q16 + b->x_q16) / 2),
-        .y_px_q16 = fx_saturate_i32((a->y_q16 + b->y_q16) / 2),
-        .nx_q15 = (int32_t)(nx * 32768 / length),
-        .ny_q15 = (int32_t)(ny * 32768 / length),
+    const int64_t sign = towards < 0 ? -32768 : 32768;
+    *nx_q15 = (int32_t)(nx * sign / length);
+    *ny_q15 = (int32_t)(ny * sign / length);
+    return true;
+}
+
+/* One side of a triangle in the patch's frame: its middle, half of it from there to the second corner, and as
+ * much outwards. Sides run along multiples of 45 degrees, and so do those of the triangles behind. */
+struct side {
+    int64_t u_q24;
+    int64_t v_q24;
+    int64_t along_u_q24;
+    int64_t along_v_q24;
+};
+
+static struct side make_side(const struct layout_feature *f, unsigned first, unsigned second)
+{
+    return (struct side){
+        .u_q24 = ((int64_t)f->corner_u_8th[first] + f->corner_u_8th[second]) << 20,
+        .v_q24 = ((int64_t)f->corner_v_8th[first] + f->corner_v_8th[second]) << 20,
+        .along_u_q24 = ((int64_t)f->corner_u_8th[second] - f->corner_u_8th[first]) * (1 << 20),
+        .along_v_q24 = ((int64_t)f->corner_v_8th[second] - f->corner_v_8th[first]) * (1 << 20),
     };
+}
+
+/* The place `along` and `out` sixteenths from a side's middle; corners run clockwise, so that outside is on the
+ * left. */
+static void beside(const struct side *side, int64_t along, int64_t out, int64_t *u_q24, int64_t *v_q24)
+{
+    *u_q24 = side->u_q24 + (along * side->along_u_q24 + out * side->along_v_q24) / 16;
+    *v_q24 = side->v_q24 + (along * side->along_v_q24 - out * side->along_u_q24) / 16;
+}
+
+static void apply_at(const struct pattern_patch *patch, const struct boardmap *map, int64_t u_q24,
+                     int64_t v_q24, struct boardmap_place *out)
+{
+    int64_t board_u;
+    int64_t board_v;
+    pattern_to_board(patch, u_q24, v_q24, &board_u, &board_v);
+    boardmap_apply(map, board_u, board_v, out);
+}
+
+/* Looks behind a side: into the four sectors of 45 degrees around its middle, from the second corner's end on. False
+ * where a colour there is not known. */
+static bool look_behind(const struct pattern_patch *patch, const struct boardmap *map,
+                        const struct side *side, enum colour own,
+                        const struct boardmap_place *first_corner, struct pattern_edge *edge)
+{
+    static const int8_t sectors[PATTERN_RAYS + 1][2] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}};
+    static const int8_t rays[PATTERN_RAYS][2] = {{16, 16}, {0, 16}, {-16, 16}};
+    bool other[PATTERN_RAYS + 1];
+    int64_t u_q24;
+    int64_t v_q24;
+    for (unsigned i = 0; i <= PATTERN_RAYS; i++) {
+        beside(side, sectors[i][0], sectors[i][1], &u_q24, &v_q24);
+        const enum colour colour = colour_at(patch, u_q24, v_q24);
+        if (colour == COLOUR_UNKNOWN) {
+            return false;
+        }
+        other[i] = colour != own;
+    }
+    edge->other = other[0];
+    edge->ray_count = 0;
+    struct boardmap_place middle;
+    apply_at(patch, map, side->u_q24, side->v_q24, &middle);
+    for (unsigned i = 0; i < PATTERN_RAYS; i++) {
+        struct pattern_ray *ray = &edge->rays[edge->ray_count];
+        struct boardmap_place end;
+        beside(side, rays[i][0], rays[i][1], &u_q24, &v_q24);
+        apply_at(patch, map, u_q24, v_q24, &end);
+        if (other[i] != other[i + 1] &&
+            find_normal(&middle, &end, first_corner, &ray->nx_q15, &ray->ny_q15)) {
+            ray->step = other[i + 1] ? 1 : -1;
+            edge->ray_count++;
+        }
+    }
     return true;
 }
 
 void pattern_edges_of(const struct pattern_patch *patch, unsigned feature,
                       const struct boardmap *map, struct pattern_edges *out)
 {
-    out->count = 0;
-    out->known = false;
-    if (feature == LAYOUT_ANCHOR) {
-        return;
-    }
     const struct layout_feature *f = layout_feature(patch->levels, feature);
     const enum colour own =
         layout_circle_is_white(patch->levels, patch->id, feature) ? COLOUR_BLACK : COLOUR_WHITE;
     struct boardmap_place corners[3];
     struct boardmap_place centre;
-    int64_t board_u;
-    int64_t board_v;
-    pattern_to_board(patch, f->u_q30 >> 6, f->v_q30 >> 6, &board_u, &board_v);
-    boardmap_apply(map, board_u, board_v, &centre);
+    apply_at(patch, map, f->u_q30 >> 6, f->v_q30 >> 6, &centre);
     for (unsigned i = 0; i < 3; i++) {
-        pattern_to_board(patch, (int64_t)f->corner_u_8th[i] << 21,
-                         (int64_t)f->corner_v_8th[i] << 21, &board_u, &board_v);
-        boardmap_apply(map, board_u, board_v, &corners[i]);
+        apply_at(patch, map, (int64_t)f->corner_u_8th[i] << 21, (int64_t)f->corner_v_8th[i] << 21,
+                 &corners[i]);
     }
+    out->count = 0;
     out->known = true;
+    out->x_px_q16 = fx_saturate_i32(centre.x_q16);
+    out->y_px_q16 = fx_saturate_i32(centre.y_q16);
     for (unsigned i = 0; i < 3; i++) {
         const unsigned next = (i + 1) % 3;
-        /* The edge's middle, and an eighth of the way from the centre to it beyond. */
-        const int64_t middle_u =
-            ((int64_t)f->corner_u_8th[i] + f->corner_u_8th[next]) << 20;
-        const int64_t middle_v =
-            ((int64_t)f->corner_v_8th[i] + f->corner_v_8th[next]) << 20;
-        const enum colour beyond =
-            colour_at(patch, middle_u + (middle_u - (f->u_q30 >> 6)) / 8,
-                      middle_v + (middle_v - (f->v_q30 >> 6)) / 8);
-        if (beyond == COLOUR_UNKNOWN) {
+        const struct side side = make_side(f, i, next);
+        struct pattern_edge *edge = &out->at[out->count];
+        if (!look_behind(patch, map, &side, own, &corners[i], edge)) {
             out->known = false;
-        } else if (beyond != own &&
-                   make_edge(&corners[i], &corners[next], &centre, &out->at[out->count])) {
+        } else if ((edge->other || edge->ray_count > 0) &&
+                   find_normal(&corners[i], &corners[next], &centre, &edge->nx_q15, &edge->ny_q15)) {
+            edge->x_px_q16 = fx_saturate_i32((corners[i].x_q16 + corners[next].x_q16) / 2);
+            edge->y_px_q16 = fx_saturate_i32((corners[i].y_q16 + corners[next].y_q16) / 2);
             out->count++;
         }
+    }
+}
+
+void pattern_edges_move(struct pattern_edges *edges, int32_t x_px_q16, int32_t y_px_q16)
+{
+    for (unsigned i = 0; i < edges->count; i++) {
+        struct pattern_edge *edge = &edges->at[i];
+        edge->x_px_q16 = fx_saturate_i32((int64_t)edge->x_px_q16 + x_px_q16 - edges->x_px_q16);
+        edge->y_px_q16 = fx_saturate_i32((int64_t)edge->y_px_q16 + y_px_q16 - edges->y_px_q16);
     }
 }

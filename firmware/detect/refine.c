@@ -13,6 +13,9 @@
 #define SLACK_UNKNOWN_Q16 786 /* 0.012 */
 /* Circles of so many blurs tell the blur best, and small ones start from theirs. */
 #define AGAIN_PX_Q16 3932 /* 0.06 */
+/* The anchor fills one quarter of a patch, four small circles each of the others. */
+#define QUARTERS 4u
+#define QUARTER_SMALL 4u
 #define LARGE_SIGMAS 6
 #define SMALL_SIGMAS 4
 
@@ -39,10 +42,7 @@ static int64_t in_image_q16(uint16_t over_contrast_q16, const struct mark *mark)
 /* Whether the pixels are as quiet as the frame's others, all around. */
 static bool is_clean(const struct refine *refine, const struct mark *mark)
 {
-    /* What lies around an anchor is not in the model; it is far off unless the anchor is small. */
-    const bool alone = mark->large && mark->size_px_q16 < LARGE_SIGMAS * (int64_t)mark->blur_px_q16;
-    const int64_t share_q16 = alone ? SLACK_UNKNOWN_Q16 : refine->slack_q16;
-    const int64_t slack_q16 = (share_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
+    const int64_t slack_q16 = (refine->slack_q16 * fx_abs_i64(mark->contrast_q30)) >> 30;
     return in_image_q16(mark->noise_q16, mark) <= refine->noise_max_q16 + slack_q16 &&
            in_image_q16(mark->worst_q16, mark) <= refine->worst_max_q16 + 2 * slack_q16;
 }
@@ -147,16 +147,13 @@ static bool is_roomy(const struct refine *refine, const struct patch *patch, uns
     return false;
 }
 
-/* Tells every circle of the patch, from where they were found so far, what is printed around it, and how sharp
- * the anchor says that edges are. */
-static void describe_patch(struct refine *refine, const struct patch *patch,
-                           const struct pattern_patch *pattern)
+/* The board around the patch as its own circles tell it so far. False where a side of it is missing: the map would have
+ * to reach too far. */
+static bool map_patch(struct refine *refine, const struct patch *patch,
+                      const struct pattern_patch *pattern, struct boardmap *map)
 {
-    const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
-    if (is_roomy(refine, patch, pattern->levels, blur_px_q16)) {
-        return;
-    }
     uint32_t count = 0;
+    uint32_t of_quarter[QUARTERS] = {0};
     for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
         if (patch->marks[i] != MARKS_NONE) {
             const struct layout_feature *f = layout_feature(pattern->levels, i);
@@ -164,15 +161,39 @@ static void describe_patch(struct refine *refine, const struct patch *patch,
             pattern_to_board(pattern, f->u_q30 >> 6, f->v_q30 >> 6, &pair->u_q24, &pair->v_q24);
             pair->x_px_q16 = refine->views[i].ellipse.x_px_q16;
             pair->y_px_q16 = refine->views[i].ellipse.y_px_q16;
+            of_quarter[i == LAYOUT_ANCHOR ? 0 : (i - 1) / QUARTER_SMALL + 1]++;
         }
     }
-    struct boardmap map;
-    const bool mapped = boardmap_fit(refine->pairs, count, &map);
+    bool whole = of_quarter[0] > 0;
+    for (unsigned i = 1; i < QUARTERS; i++) {
+        whole &= of_quarter[i] > 1;
+    }
+    return whole && boardmap_fit(refine->pairs, count, map);
+}
+
+/* Tells every circle of the patch what is printed around it, and how sharp the anchor says that edges are. The map
+ * is the patch's own or, where it has none, that of all around (NULL: not known yet), which reaches over more than one
+ * polynomial can follow: it tells how far edges are from the circle, but not where both are. */
+static void describe_patch(struct refine *refine, const struct patch *patch,
+                           const struct pattern_patch *pattern, const struct boardmap *around)
+{
+    const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
+    if (is_roomy(refine, patch, pattern->levels, blur_px_q16)) {
+        return;
+    }
+    struct boardmap own;
+    const struct boardmap *map = map_patch(refine, patch, pattern, &own) ? &own : around;
+    if (map == NULL) {
+        return;
+    }
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
-        if (patch->marks[i] != MARKS_NONE && mapped) {
-            pattern_edges_of(pattern, i, &map, &refine->views[i].edges);
-            refine->views[i].edge_blur_px_q16 =
-                blur_px_q16 > 0 ? blur_px_q16 : refine->views[i].blur_px_q16;
+        if (patch->marks[i] != MARKS_NONE) {
+            struct rim_view *view = &refine->views[i];
+            pattern_edges_of(pattern, i, map, &view->edges);
+            if (map == around) {
+                pattern_edges_move(&view->edges, view->ellipse.x_px_q16, view->ellipse.y_px_q16);
+            }
+            view->edge_blur_px_q16 = blur_px_q16 > 0 ? blur_px_q16 : view->blur_px_q16;
         }
     }
 }
@@ -227,7 +248,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
             refuse(refine, patch, i);
         }
     }
-    describe_patch(refine, patch, &pattern);
+    describe_patch(refine, patch, &pattern, NULL);
     int32_t anchor_blur_px_q16 = 0;
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         if (patch->marks[i] == MARKS_NONE) {
@@ -251,7 +272,8 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
 
 /* Views of the patch's circles as they were fitted so far, with the edges that follow from all of them. */
 static void continue_from_marks(struct refine *refine, const struct patches *patches,
-                                struct patch *patch, const struct marks *marks)
+                                struct patch *patch, const struct boardmap *around,
+                                const struct marks *marks)
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
@@ -270,7 +292,7 @@ static void continue_from_marks(struct refine *refine, const struct patches *pat
         view->contrast_q30 = mark->contrast_q30;
         view->fine = true;
     }
-    describe_patch(refine, patch, &pattern);
+    describe_patch(refine, patch, &pattern, around);
 }
 
 /* The second step, with what all circles around have said of edges and light; gathers noise and blur. */
@@ -278,7 +300,7 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
                           const struct patches *patches, struct patch *patch, struct marks *marks,
                           uint32_t bins[NOISE_BINS], struct blur_sums *blurs)
 {
-    continue_from_marks(refine, patches, patch, marks);
+    continue_from_marks(refine, patches, patch, NULL, marks);
     const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
     light_find(&refine->light, patch, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
@@ -342,31 +364,43 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
     }
 }
 
-/* Within two sigmas in x and y, or as far as edges may have been misplaced. */
-static bool is_near(const struct mark *before, const struct mark *now)
+/* The square of how far a circle lies from where the map has it. */
+static int64_t off_map_q32(const struct mark *mark, const struct pattern_edges *edges)
+{
+    const int64_t dx = (int64_t)mark->ellipse.x_px_q16 - edges->x_px_q16;
+    const int64_t dy = (int64_t)mark->ellipse.y_px_q16 - edges->y_px_q16;
+    return dx * dx + dy * dy;
+}
+
+/* Within two sigmas in x and y, or as far as edges may have been misplaced; farther, only towards the place where
+ * the map has it. */
+static bool is_better(const struct mark *before, const struct mark *now,
+                      const struct pattern_edges *edges)
 {
     const int64_t two_px_q16 = before->sigma_px_q20 >> 3;
     const int64_t reach_px_q16 = two_px_q16 > AGAIN_PX_Q16 ? two_px_q16 : AGAIN_PX_Q16;
-    return fx_abs_i64((int64_t)now->ellipse.x_px_q16 - before->ellipse.x_px_q16) <= reach_px_q16 &&
-           fx_abs_i64((int64_t)now->ellipse.y_px_q16 - before->ellipse.y_px_q16) <= reach_px_q16;
+    const bool near =
+        fx_abs_i64((int64_t)now->ellipse.x_px_q16 - before->ellipse.x_px_q16) <= reach_px_q16 &&
+        fx_abs_i64((int64_t)now->ellipse.y_px_q16 - before->ellipse.y_px_q16) <= reach_px_q16;
+    return near || off_map_q32(now, edges) < off_map_q32(before, edges);
 }
 
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct patch_light *light, const struct patches *patches,
-                  struct patch *patch, struct marks *marks)
+                  const struct boardmap *around, const struct patch_light *light,
+                  const struct patches *patches, struct patch *patch, struct marks *marks)
 {
-    continue_from_marks(refine, patches, patch, marks);
+    continue_from_marks(refine, patches, patch, around, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         struct rim_view *view = &refine->views[i];
         if (patch->marks[i] == MARKS_NONE ||
-            view->size_px_q16 > SMALL_SIGMAS * (int64_t)refine->edge_blur_px_q16) {
+            circlefit_is_roomy(view, refine->edge_blur_px_q16)) {
             continue;
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct mark fitted = *mark;
         light_tilt(light, refine->fit.rim.over_rim_q15, mark->white, view);
         if (circlefit_fine(&refine->fit, frame, view, &fitted) && is_clean(refine, &fitted) &&
-            is_near(mark, &fitted)) {
+            is_better(mark, &fitted, &view->edges)) {
             *mark = fitted;
         }
     }

@@ -41,10 +41,10 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
                       const struct pattern_edges *edges, const struct patch_light *light,
                       struct mark *mark);
 
-/* Fits the patch's small circles once more, when it has got circles since: the map through all of them knows
- * better where the edges around each lie. A fit that is no good leaves a circle as it was. */
+/* Fits those of the patch's circles once more that feel the edges around them: the map through all that was found since,
+ * from the board to the image, knows better where these lie. A fit that is no good leaves a circle as it was. */
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct patch_light *light, const struct patches *patches,
-                  struct patch *patch, struct marks *marks);
+                  const struct boardmap *around, const struct patch_light *light,
+                  const struct patches *patches, struct patch *patch, struct marks *marks);
 
 #endif

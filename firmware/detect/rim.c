@@ -3,6 +3,7 @@
 
 #include "common/fx/fx.h"
 #include "common/fx/root.h"
+#include "firmware/detect/junction.h"
 #include "firmware/detect/luma.h"
 #include "firmware/detect/profile.h"
 
@@ -28,6 +29,7 @@
 /* Peaks narrower than this, in radii, have ended at the rim, so that it does not matter that it cuts them. */
 #define PEAK_WIDE_Q16 29491 /* 0.45 */
 
+static_assert(JUNCTION_RAYS == PATTERN_RAYS, "each ray is felt");
 static_assert(RIMROW_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 
 /* What all pixels of a view share. */
@@ -94,29 +96,41 @@ static int32_t cut(int64_t value, int64_t limit)
     return (int32_t)(value > limit ? limit : value < -limit ? -limit : value);
 }
 
-/* An edge over the unit frame, in units of its blur, Q16. */
-struct felt_edge {
-    int64_t t0_q16;
-    int64_t tp_q16;
-    int64_t tq_q16;
-};
-
-static struct felt_edge describe_edge(const struct rim_view *view, const struct pattern_edge *at)
+/* The line through an edge's middle with the given normal, over the unit frame, in blurs of edges. */
+static struct felt_line describe_line(const struct rim_view *view, const struct pattern_edge *at,
+                                      int64_t nx_q15, int64_t ny_q15)
 {
     const struct ellipse *e = &view->ellipse;
     const struct ellipse_root *b = &view->root;
     const int64_t over_blur_q24 = ((int64_t)1 << 40) / view->edge_blur_px_q16;
-    const int64_t t0_px_q16 = (at->nx_q15 * ((int64_t)e->x_px_q16 - at->x_px_q16) +
-                               at->ny_q15 * ((int64_t)e->y_px_q16 - at->y_px_q16)) >> 15;
-    const int64_t p_px_q16 =
-        (at->nx_q15 * (int64_t)b->xx_px_q16 + at->ny_q15 * (int64_t)b->yx_px_q16) >> 15;
-    const int64_t q_px_q16 = (at->ny_q15 * (int64_t)b->yy_px_q16) >> 15;
-    return (struct felt_edge){(t0_px_q16 * over_blur_q24) >> 24, (p_px_q16 * over_blur_q24) >> 24,
+    const int64_t t0_px_q16 = (nx_q15 * ((int64_t)e->x_px_q16 - at->x_px_q16) +
+                               ny_q15 * ((int64_t)e->y_px_q16 - at->y_px_q16)) >> 15;
+    const int64_t p_px_q16 = (nx_q15 * b->xx_px_q16 + ny_q15 * b->yx_px_q16) >> 15;
+    const int64_t q_px_q16 = (ny_q15 * b->yy_px_q16) >> 15;
+    return (struct felt_line){(t0_px_q16 * over_blur_q24) >> 24, (p_px_q16 * over_blur_q24) >> 24,
                               (q_px_q16 * over_blur_q24) >> 24};
 }
 
+static struct junction describe_junction(const struct rim_view *view, const struct pattern_edge *at)
+{
+    struct junction junction = {
+        .edge = describe_line(view, at, at->nx_q15, at->ny_q15),
+        .first = at->other ? 1 : 0,
+        .ray_count = at->ray_count,
+    };
+    for (unsigned i = 0; i < at->ray_count; i++) {
+        const struct pattern_ray *ray = &at->rays[i];
+        junction.rays[i] = (struct junction_ray){
+            .line = describe_line(view, at, ray->nx_q15, ray->ny_q15),
+            .lean_q15 = (ray->nx_q15 * at->nx_q15 + ray->ny_q15 * at->ny_q15) >> 15,
+            .step = ray->step,
+        };
+    }
+    return junction;
+}
+
 /* Whether an edge shows in the band. */
-static bool is_felt(const struct felt_edge *edge, const struct band *band)
+static bool is_felt(const struct felt_line *edge, const struct band *band)
 {
     const int64_t steep_q16 = (int64_t)root_u64(
         (uint64_t)(edge->tp_q16 * edge->tp_q16 + edge->tq_q16 * edge->tq_q16));
@@ -124,26 +138,47 @@ static bool is_felt(const struct felt_edge *edge, const struct band *band)
 }
 
 /* The neighbouring edges that show in the band. */
-static void describe_edges(const struct rim_view *view, const struct band *band,
-                           struct rimrow_view *row)
+struct felt_edges {
+    struct junction at[RIMROW_EDGES];
+    unsigned        count;
+    bool            meet; /* at one of them triangles of both colours do */
+};
+
+static void feel_edges(const struct rim_view *view, const struct band *band, struct felt_edges *felt)
 {
-    struct felt_edge felt[RIMROW_EDGES];
-    int64_t largest_q16 = 0;
-    for (unsigned i = 0; i < view->edges.count; i++) {
-        const struct felt_edge edge = describe_edge(view, &view->edges.at[i]);
-        if (is_felt(&edge, band)) {
-            const int64_t both_q16 = fx_abs_i64(edge.tp_q16) + fx_abs_i64(edge.tq_q16);
-            largest_q16 = both_q16 > largest_q16 ? both_q16 : largest_q16;
-            felt[row->edge_count++] = edge;
+    felt->count = 0;
+    felt->meet = false;
+    for (unsigned i = 0; view->edges.known && i < view->edges.count; i++) {
+        const struct junction edge = describe_junction(view, &view->edges.at[i]);
+        if (is_felt(&edge.edge, band)) {
+            felt->at[felt->count++] = edge;
+            felt->meet |= edge.ray_count > 0;
         }
+    }
+}
+
+/* Edges for the row kernel, which has plain ones of its own; the others are given to it pixel by pixel. */
+static void describe_edges(const struct felt_edges *felt, struct rimrow_view *row)
+{
+    if (felt->meet) {
+        row->edge_count = RIMROW_GIVEN;
+        return;
+    }
+    int64_t largest_q16 = 0;
+    for (unsigned i = 0; i < felt->count; i++) {
+        const struct felt_line *edge = &felt->at[i].edge;
+        const int64_t both_q16 = fx_abs_i64(edge->tp_q16) + fx_abs_i64(edge->tq_q16);
+        largest_q16 = both_q16 > largest_q16 ? both_q16 : largest_q16;
     }
     const unsigned bits = fx_bits_i64(largest_q16);
     const unsigned drop = bits > 19 ? bits - 14 : 5;
-    for (unsigned i = 0; i < row->edge_count; i++) {
-        row->edges[i] = (struct rimrow_edge){cut(felt[i].t0_q16 >> 5, 1 << 22),
-                                             (int32_t)(felt[i].tp_q16 >> drop),
-                                             (int32_t)(felt[i].tq_q16 >> drop)};
+    for (unsigned i = 0; i < felt->count; i++) {
+        const struct felt_line *edge = &felt->at[i].edge;
+        row->edges[i] = (struct rimrow_edge){cut(edge->t0_q16 >> 5, 1 << 22),
+                                             (int32_t)(edge->tp_q16 >> drop),
+                                             (int32_t)(edge->tq_q16 >> drop)};
     }
+    row->edge_count = felt->count;
     row->edge_shift = 19 - drop;
 }
 
@@ -191,7 +226,8 @@ static void describe_profile(const struct rim *rim, const struct rim_view *view,
 }
 
 static void describe_view(const struct rim *rim, const struct rim_view *view,
-                          const struct band *band, struct rimrow_view *row)
+                          const struct band *band, const struct felt_edges *felt,
+                          struct rimrow_view *row)
 {
     const int64_t over_blur_q16 = ((int64_t)view->size_px_q16 << 16) / view->blur_px_q16; /* R / s */
     const unsigned bits = fx_bits_i64(over_blur_q16);
@@ -209,9 +245,7 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .rest_shift = 5,
     };
     describe_profile(rim, view, band, row);
-    if (view->edges.known) {
-        describe_edges(view, band, row);
-    }
+    describe_edges(felt, row);
     if (view->fine) {
         describe_brightness(view, row);
         row->rest_shift = 0;
@@ -221,12 +255,29 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
 /* Pixels read and not summed yet, and the sums so far. */
 struct batch {
     struct rimrow_view view;
+    struct felt_edges  felt;
     int64_t            products[DSP_PRODUCTS];
     int64_t            octant_squares[8];
     uint32_t           octant_count[8];
     uint32_t           waiting;
     bool               fine;
 };
+
+/* What edges with more than one colour behind them bring to each pixel. */
+static void give_edges(const struct felt_edges *felt, uint32_t count, struct rimrow_batch *pixels)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        int32_t others_q15 = 0;
+        int32_t growth_q15 = 0;
+        bool inside = true;
+        for (unsigned k = 0; k < felt->count; k++) {
+            inside &= junction_add(&felt->at[k], pixels->p_q14[i], pixels->q_q14[i], &others_q15,
+                                   &growth_q15);
+        }
+        pixels->others_q15[i] = inside ? others_q15 : RIMROW_BEYOND_Q15;
+        pixels->growth_q15[i] = growth_q15;
+    }
+}
 
 static void sum_batch(const struct rim *rim, struct batch *batch)
 {
@@ -235,6 +286,9 @@ static void sum_batch(const struct rim *rim, struct batch *batch)
     for (uint32_t i = batch->waiting; i < whole; i++) {
         pixels->p_q14[i] = 0; /* the centre is never in the band */
         pixels->q_q14[i] = 0;
+    }
+    if (batch->felt.meet) {
+        give_edges(&batch->felt, whole, pixels);
     }
     rim->dsp->rim_rows(&batch->view, whole, pixels);
     rim->dsp->products(pixels->columns, whole, batch->products);
@@ -322,7 +376,8 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     if (!band.within_range) {
         return;
     }
-    describe_view(rim, view, &band, &batch.view);
+    feel_edges(view, &band, &batch.felt);
+    describe_view(rim, view, &band, &batch.felt, &batch.view);
     const int64_t step = thin_step(view);
     const int64_t half_y_q16 =
         (int64_t)root_u64(((uint64_t)e->shape_yy_px2_q12 * (uint64_t)band.outer_square_q16) << 4);

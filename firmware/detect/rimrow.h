@@ -13,6 +13,8 @@
 #define RIMROW_STEP   16u /* whole multiples are computed */
 #define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
+#define RIMROW_GIVEN   (RIMROW_EDGES + 1)
+#define RIMROW_BEYOND_Q15 (2 << 15)
 #define RIMROW_COLUMNS 9u
 
 /* Distance from a straight edge in blurs of that edge, positive on the circle's side: t0 + tp p + tq q. */
@@ -53,7 +55,7 @@ struct rimrow_view {
     int32_t  peak_n0_q11;      /* at most 16, like the next */
     int32_t  peak_n1_q11;
     int32_t  peak_shown_q15;   /* 1: the peak goes on beyond the rim; 0: it ends there */
-    uint32_t edge_count;       /* at most RIMROW_EDGES */
+    uint32_t edge_count;       /* at most RIMROW_EDGES; or RIMROW_GIVEN: as the batch has them */
     uint32_t edge_shift;       /* 2..14: distances stay below 2^18 blurs */
     struct rimrow_edge edges[RIMROW_EDGES];
 };
@@ -63,6 +65,10 @@ struct rimrow_batch {
     int32_t  p_q14[RIMROW_PIXELS + RIMROW_RAMP];
     int32_t  q_q14[RIMROW_PIXELS + RIMROW_RAMP];
     uint16_t grey_q4[RIMROW_PIXELS + 4]; /* readers write four at a time */
+    /* Only read for RIMROW_GIVEN: the share of the full swing that all edges bring together, RIMROW_BEYOND_Q15 beyond
+     * one, else at most 1.5; and its growth with the blur's logarithm, at most 1. */
+    int32_t  others_q15[RIMROW_PIXELS];
+    int32_t  growth_q15[RIMROW_PIXELS];
     /* Q11: by p, q, size, two elongations, level, contrast, blur; the rest as it is. Zero where a pixel is not
      * kept. */
     int16_t  columns[RIMROW_COLUMNS * RIMROW_PIXELS];

@@ -190,7 +190,13 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     /* Beyond a neighbouring edge lies the circle's own colour in full. */
     int32_t others_q15 = 0;
     int32_t growth_q15 = 0;
-    for (unsigned k = 0; k < edge_count; k++) {
+    if (edge_count == RIMROW_GIVEN) {
+        others_q15 = batch->others_q15[i];
+        growth_q15 = batch->growth_q15[i];
+        kept &= rimrow_below(others_q15, RIMROW_BEYOND_Q15);
+        others_q15 &= kept;
+    }
+    for (unsigned k = 0; k < edge_count && edge_count <= RIMROW_EDGES; k++) {
         const struct rimrow_edge *at = &view->edges[k];
         const int32_t apart_q11 =
             at->t0_q11 + ((at->tp * p_q14 + at->tq * q_q14) >> view->edge_shift);
@@ -275,8 +281,11 @@ static void rimrow_rows(const struct rimrow_view *given, unsigned count, struct 
     case 2:
         rimrow_rows_of(&view, 2, count, batch);
         break;
-    default:
+    case RIMROW_EDGES:
         rimrow_rows_of(&view, RIMROW_EDGES, count, batch);
+        break;
+    default:
+        rimrow_rows_of(&view, RIMROW_GIVEN, count, batch);
         break;
     }
 }

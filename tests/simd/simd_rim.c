@@ -77,7 +77,7 @@ static struct rimrow_view random_view(unsigned round)
         .peak_n0_q11 = within(0, 16 << 11),
         .peak_n1_q11 = within(0, 16 << 11),
         .peak_shown_q15 = random_u64() % 2 != 0 ? 1 << 15 : 0,
-        .edge_count = round % (RIMROW_EDGES + 1),
+        .edge_count = round % (RIMROW_GIVEN + 1),
         .edge_shift = (uint32_t)within(2, 14),
     };
     if (random_u64() % 2 != 0) { /* a real picture: rests that are not all cut */
@@ -101,6 +101,8 @@ static struct rimrow_view random_view(unsigned round)
 static void random_pixel(const struct rimrow_view *view, struct rimrow_batch *batch, unsigned i)
 {
     batch->grey_q4[i] = (uint16_t)within(0, 4095);
+    batch->others_q15[i] = random_u64() % 8 == 0 ? RIMROW_BEYOND_Q15 : within(0, 3 << 14);
+    batch->growth_q15[i] = within(0, 1 << 15);
     if (random_u64() % 8 == 0) {
         do {
             batch->p_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);

@@ -146,6 +146,80 @@ static void margin_and_neighbour_are_known_with_a_target(void)
     }
 }
 
+/* Whether the triangle that holds (u, v) is of another colour than feature 0's. */
+static bool is_other(uint16_t id, double u, double v)
+{
+    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        const struct layout_feature *f = layout_feature(2, i);
+        bool inside = true;
+        for (unsigned k = 0; k < 3; k++) {
+            const unsigned next = (k + 1) % 3;
+            const double du = f->corner_u_8th[next] - f->corner_u_8th[k];
+            const double dv = f->corner_v_8th[next] - f->corner_v_8th[k];
+            inside = inside && du * (8 * v - f->corner_v_8th[k]) - dv * (8 * u - f->corner_u_8th[k]) > 0;
+        }
+        if (inside) {
+            return layout_circle_is_white(2, id, i) != layout_circle_is_white(2, id, 0);
+        }
+    }
+    TEST_FAIL_MESSAGE("a place outside of the patch");
+    return false;
+}
+
+/* By the edge and its rays: the share of the other colour there. */
+static int other_by(const struct pattern_edge *edge, double x, double y)
+{
+    int other = edge->other ? 1 : 0;
+    for (unsigned i = 0; i < edge->ray_count; i++) {
+        const struct pattern_ray *ray = &edge->rays[i];
+        other += ray->nx_q15 * (x - edge->x_px_q16 / 65536.0) +
+                         ray->ny_q15 * (y - edge->y_px_q16 / 65536.0) > 0
+                     ? ray->step
+                     : 0;
+    }
+    return other;
+}
+
+static void rays_part_the_colours_behind_an_anchor_s_legs(void)
+{
+    unsigned rays = 0;
+    for (unsigned id = 0; id < LAYOUT_IDS; id += 37) {
+        struct pattern_patch patch = left_patch(false, (uint16_t)id);
+        struct pattern_edges edges;
+        pattern_edges_of(&patch, LAYOUT_ANCHOR, &map, &edges);
+        TEST_ASSERT_FALSE(edges.known); /* the third side is the patch's */
+        for (unsigned k = 0; k < edges.count; k++) {
+            const struct pattern_edge *edge = &edges.at[k];
+            rays += edge->ray_count;
+            /* Half a leg is 35 px long; all around behind it, beside the multiples of 45 degrees. */
+            for (int degrees = 4; degrees < 180; degrees += 11) {
+                const double turn = degrees * 3.14159265358979 / 180 + atan2(-edge->ny_q15, -edge->nx_q15) -
+                                    3.14159265358979 / 2;
+                const double x = edge->x_px_q16 / 65536.0 + 10 * cos(turn);
+                const double y = edge->y_px_q16 / 65536.0 + 10 * sin(turn);
+                TEST_ASSERT_EQUAL_INT(is_other((uint16_t)id, (x - 200) / SIDE_PX, (y - 150) / SIDE_PX),
+                                      other_by(edge, x, y));
+            }
+        }
+    }
+    TEST_ASSERT_TRUE(rays > 100);
+}
+
+static void edges_move_with_their_circle(void)
+{
+    struct pattern_patch patch = left_patch(false, 1); /* an odd parity: a white anchor with two legs */
+    struct pattern_edges edges;
+    pattern_edges_of(&patch, 1, &map, &edges);
+    const struct pattern_edges before = edges;
+    pattern_edges_move(&edges, before.x_px_q16 + 1000, before.y_px_q16 - 500);
+    TEST_ASSERT_TRUE(edges.count > 0);
+    for (unsigned k = 0; k < edges.count; k++) {
+        TEST_ASSERT_EQUAL_INT32(before.at[k].x_px_q16 + 1000, edges.at[k].x_px_q16);
+        TEST_ASSERT_EQUAL_INT32(before.at[k].y_px_q16 - 500, edges.at[k].y_px_q16);
+        TEST_ASSERT_EQUAL_INT32(before.at[k].nx_q15, edges.at[k].nx_q15);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -154,5 +228,7 @@ int main(void)
     RUN_TEST(edge_lies_an_inradius_from_the_circle);
     RUN_TEST(beyond_the_patch_nothing_is_known_without_a_target);
     RUN_TEST(margin_and_neighbour_are_known_with_a_target);
+    RUN_TEST(rays_part_the_colours_behind_an_anchor_s_legs);
+    RUN_TEST(edges_move_with_their_circle);
     return UNITY_END();
 }
