@@ -61,8 +61,11 @@ struct dsp_kernels {
     void (*products)(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS]);
     /* The rim's pixels: rimrow.h. count: as for products. Octants' sums are overwritten. */
     void (*rim_rows)(const struct rimrow_view *view, unsigned count, struct rimrow_batch *batch);
-    void (*rim_ramp)(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_t q_step_q24,
-                     unsigned count, int32_t *p_q14, int32_t *q_q14);
+    /* `count` pixels of a row, and up to RIMROW_RAMP - 1 more, the first at (p, q): p, q and, where `bytes` is not NULL,
+     * brightness. All places, and one step more, are within the range of rimrow.h. */
+    void (*rim_span)(const struct rimrow_steps *steps, int32_t p_q24, int32_t q_q24,
+                     const uint8_t *bytes, unsigned count, int32_t *p_q14, int32_t *q_q14,
+                     uint16_t *grey_q4);
     void (*rim_octants)(const struct rimrow_batch *batch, unsigned count, uint32_t squares[8],
                         uint32_t counts[8]);
 };

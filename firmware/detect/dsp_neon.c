@@ -247,7 +247,7 @@ const struct dsp_kernels dsp_neon = {
     .sides = sides,
     .products = products,
     .rim_rows = rimrow_rows,
-    .rim_ramp = rimrow_ramp,
+    .rim_span = rimrow_span,
     .rim_octants = rimrow_octants,
 };
 #endif

@@ -99,6 +99,6 @@ const struct dsp_kernels dsp_scalar = {
     .sides = sides,
     .products = products,
     .rim_rows = rimrow_rows,
-    .rim_ramp = rimrow_ramp,
+    .rim_span = rimrow_span,
     .rim_octants = rimrow_octants,
 };

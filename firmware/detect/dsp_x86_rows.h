@@ -282,6 +282,6 @@ const struct dsp_kernels KERNELS = {
     .sides = sides,
     .products = products,
     .rim_rows = rimrow_rows,
-    .rim_ramp = rimrow_ramp,
+    .rim_span = rimrow_span,
     .rim_octants = rimrow_octants,
 };

@@ -126,18 +126,25 @@ static void apply_at(const struct pattern_patch *patch, const struct boardmap *m
     boardmap_apply(map, board_u, board_v, out);
 }
 
-/* Looks behind a side: into the four sectors of 45 degrees around its middle, from the second corner's end on. False
- * where a colour there is not known. */
+/* Whether no triangles are smaller than the feature's: then there is one behind each side. */
+static bool is_smallest(unsigned levels, unsigned feature)
+{
+    return feature != LAYOUT_ANCHOR && (levels == 2 || feature >= LAYOUT_FEATURES_LEVEL2);
+}
+
+/* Looks behind a side: into the four sectors of 45 degrees around its middle, from the second corner's end on; into
+ * one of them where all are the same. False where a colour there is not known. */
 static bool look_behind(const struct pattern_patch *patch, const struct boardmap *map,
-                        const struct side *side, enum colour own,
+                        const struct side *side, bool same, enum colour own,
                         const struct boardmap_place *first_corner, struct pattern_edge *edge)
 {
     static const int8_t sectors[PATTERN_RAYS + 1][2] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}};
     static const int8_t rays[PATTERN_RAYS][2] = {{16, 16}, {0, 16}, {-16, 16}};
+    const unsigned last = same ? 0 : PATTERN_RAYS;
     bool other[PATTERN_RAYS + 1];
     int64_t u_q24;
     int64_t v_q24;
-    for (unsigned i = 0; i <= PATTERN_RAYS; i++) {
+    for (unsigned i = 0; i <= last; i++) {
         beside(side, sectors[i][0], sectors[i][1], &u_q24, &v_q24);
         const enum colour colour = colour_at(patch, u_q24, v_q24);
         if (colour == COLOUR_UNKNOWN) {
@@ -148,14 +155,16 @@ static bool look_behind(const struct pattern_patch *patch, const struct boardmap
     edge->other = other[0];
     edge->ray_count = 0;
     struct boardmap_place middle;
-    apply_at(patch, map, side->u_q24, side->v_q24, &middle);
-    for (unsigned i = 0; i < PATTERN_RAYS; i++) {
+    struct boardmap_place end;
+    for (unsigned i = 0; i < last; i++) {
         struct pattern_ray *ray = &edge->rays[edge->ray_count];
-        struct boardmap_place end;
+        if (other[i] == other[i + 1]) {
+            continue;
+        }
+        apply_at(patch, map, side->u_q24, side->v_q24, &middle);
         beside(side, rays[i][0], rays[i][1], &u_q24, &v_q24);
         apply_at(patch, map, u_q24, v_q24, &end);
-        if (other[i] != other[i + 1] &&
-            find_normal(&middle, &end, first_corner, &ray->nx_q15, &ray->ny_q15)) {
+        if (find_normal(&middle, &end, first_corner, &ray->nx_q15, &ray->ny_q15)) {
             ray->step = other[i + 1] ? 1 : -1;
             edge->ray_count++;
         }
@@ -169,6 +178,7 @@ void pattern_edges_of(const struct pattern_patch *patch, unsigned feature,
     const struct layout_feature *f = layout_feature(patch->levels, feature);
     const enum colour own =
         layout_circle_is_white(patch->levels, patch->id, feature) ? COLOUR_BLACK : COLOUR_WHITE;
+    const bool same = is_smallest(patch->levels, feature);
     struct boardmap_place corners[3];
     struct boardmap_place centre;
     apply_at(patch, map, f->u_q30 >> 6, f->v_q30 >> 6, &centre);
@@ -184,7 +194,7 @@ void pattern_edges_of(const struct pattern_patch *patch, unsigned feature,
         const unsigned next = (i + 1) % 3;
         const struct side side = make_side(f, i, next);
         struct pattern_edge *edge = &out->at[out->count];
-        if (!look_behind(patch, map, &side, own, &corners[i], edge)) {
+        if (!look_behind(patch, map, &side, same, own, &corners[i], edge)) {
             out->known = false;
         } else if ((edge->other || edge->ray_count > 0) &&
                    find_normal(&corners[i], &corners[next], &centre, &edge->nx_q15, &edge->ny_q15)) {

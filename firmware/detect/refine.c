@@ -187,13 +187,14 @@ static void describe_patch(struct refine *refine, const struct patch *patch,
         return;
     }
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
-        if (patch->marks[i] != MARKS_NONE) {
-            struct rim_view *view = &refine->views[i];
+        struct rim_view *view = &refine->views[i];
+        const int32_t edge_blur_px_q16 = blur_px_q16 > 0 ? blur_px_q16 : view->blur_px_q16;
+        if (patch->marks[i] != MARKS_NONE && !circlefit_is_roomy(view, edge_blur_px_q16)) {
             pattern_edges_of(pattern, i, map, &view->edges);
             if (map == around) {
                 pattern_edges_move(&view->edges, view->ellipse.x_px_q16, view->ellipse.y_px_q16);
             }
-            view->edge_blur_px_q16 = blur_px_q16 > 0 ? blur_px_q16 : view->blur_px_q16;
+            view->edge_blur_px_q16 = edge_blur_px_q16;
         }
     }
 }

@@ -252,6 +252,15 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
     }
 }
 
+static void describe_steps(const struct rim_view *view, struct rimrow_steps *steps)
+{
+    const int64_t q_step_q24 = -((view->slope_q24 * view->over_yy_q40) >> 24);
+    for (int64_t i = 0; i <= RIMROW_RAMP; i++) {
+        steps->p_q24[i] = (int32_t)(i * view->over_xx_q40);
+        steps->q_q24[i] = (int32_t)(i * q_step_q24);
+    }
+}
+
 /* Pixels read and not summed yet, and the sums so far. */
 struct batch {
     struct rimrow_view view;
@@ -261,6 +270,7 @@ struct batch {
     uint32_t           octant_count[8];
     uint32_t           waiting;
     bool               fine;
+    struct rimrow_steps steps;
 };
 
 /* What edges with more than one colour behind them bring to each pixel. */
@@ -304,6 +314,15 @@ static void sum_batch(const struct rim *rim, struct batch *batch)
     batch->waiting = 0;
 }
 
+/* Whether the frame's rows are bytes of luma; such are widened beside their places. */
+static const uint8_t *bytes_at(const struct frame_view *frame, int64_t y, int64_t x, uint32_t count)
+{
+    const bool plain = frame->format == FRAME_GREY8 || frame->format == FRAME_NV12;
+    return plain && x + count + RIMROW_RAMP <= frame->width_px
+               ? frame->pixels + (size_t)y * frame->stride_bytes + x
+               : NULL;
+}
+
 /* Reads the pixels from column `first` to `last` of row y. */
 static void read_span(const struct rim *rim, const struct frame_view *frame,
                       const struct rim_view *view, int64_t y, int64_t first, int64_t last,
@@ -312,20 +331,22 @@ static void read_span(const struct rim *rim, const struct frame_view *frame,
     struct rimrow_batch *pixels = rim->pixels;
     first = first < 0 ? 0 : first;
     last = last >= frame->width_px ? frame->width_px - 1 : last;
-    const int64_t dy_q16 = (y << 16) - view->ellipse.y_px_q16;
-    const int32_t p_step_q24 = (int32_t)view->over_xx_q40;
-    const int32_t q_step_q24 = (int32_t)-((view->slope_q24 * view->over_yy_q40) >> 24);
     while (first <= last) {
-        const uint32_t room = RIMROW_PIXELS - batch->waiting;
+        const uint32_t at = batch->waiting;
+        const uint32_t room = RIMROW_PIXELS - at;
         const uint32_t count = last - first < room ? (uint32_t)(last - first) + 1 : room;
-        luma_span(frame, (uint16_t)y, (uint16_t)first, count, pixels->grey_q4 + batch->waiting);
         const int64_t dx_q16 = (first << 16) - view->ellipse.x_px_q16;
-        const int64_t down_q16 = dy_q16 - fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
-        rim->dsp->rim_ramp((int32_t)((dx_q16 * view->over_xx_q40) >> 16), p_step_q24,
-                           (int32_t)((down_q16 * view->over_yy_q40) >> 16), q_step_q24, count,
-                           pixels->p_q14 + batch->waiting, pixels->q_q14 + batch->waiting);
+        const int64_t down_q16 = (y << 16) - view->ellipse.y_px_q16 -
+                                 fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
+        const uint8_t *bytes = bytes_at(frame, y, first, count);
+        rim->dsp->rim_span(&batch->steps, (int32_t)((dx_q16 * view->over_xx_q40) >> 16),
+                           (int32_t)((down_q16 * view->over_yy_q40) >> 16), bytes, count,
+                           pixels->p_q14 + at, pixels->q_q14 + at, pixels->grey_q4 + at);
+        if (bytes == NULL) {
+            luma_span(frame, (uint16_t)y, (uint16_t)first, count, pixels->grey_q4 + at);
+        }
         first += count;
-        batch->waiting += count;
+        batch->waiting = at + count;
         if (batch->waiting == RIMROW_PIXELS) {
             sum_batch(rim, batch);
         }
@@ -378,6 +399,7 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     }
     feel_edges(view, &band, &batch.felt);
     describe_view(rim, view, &band, &batch.felt, &batch.view);
+    describe_steps(view, &batch.steps);
     const int64_t step = thin_step(view);
     const int64_t half_y_q16 =
         (int64_t)root_u64(((uint64_t)e->shape_yy_px2_q12 * (uint64_t)band.outer_square_q16) << 4);

@@ -60,11 +60,17 @@ struct rimrow_view {
     struct rimrow_edge edges[RIMROW_EDGES];
 };
 
+/* How far the 0th to 8th next pixel of a row lies from one, in the unit frame. */
+struct rimrow_steps {
+    int32_t p_q24[RIMROW_RAMP + 1];
+    int32_t q_q24[RIMROW_RAMP + 1];
+};
+
 /* Pixels in and rows out. */
 struct rimrow_batch {
     int32_t  p_q14[RIMROW_PIXELS + RIMROW_RAMP];
     int32_t  q_q14[RIMROW_PIXELS + RIMROW_RAMP];
-    uint16_t grey_q4[RIMROW_PIXELS + 4]; /* readers write four at a time */
+    uint16_t grey_q4[RIMROW_PIXELS + RIMROW_RAMP];
     /* Only read for RIMROW_GIVEN: the share of the full swing that all edges bring together, RIMROW_BEYOND_Q15 beyond
      * one, else at most 1.5; and its growth with the blur's logarithm, at most 1. */
     int32_t  others_q15[RIMROW_PIXELS];

@@ -3,6 +3,8 @@
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_LOOPS_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_LOOPS_H
 
+#include <stddef.h>
+
 #include "firmware/detect/rimrow.h"
 #include "firmware/detect/rimrow_table.h"
 
@@ -245,15 +247,24 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     batch->octant[i] = (int16_t)((octant & kept) | (8 & ~kept));
 }
 
-/* Places along a row: p and q of `count` pixels from the first on, Q24 with Q24 steps, rounded. Up to
- * RIMROW_RAMP - 1 more are written. */
-static void rimrow_ramp(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_t q_step_q24,
-                        unsigned count, int32_t *restrict p_q14, int32_t *restrict q_q14)
+/* Pixels along a row: their places and, from bytes of grey levels of 256 where there are any, their brightness.
+ * Whole steps of RIMROW_RAMP are read and written. */
+static void rimrow_span(const struct rimrow_steps *steps, int32_t p_q24, int32_t q_q24,
+                        const uint8_t *bytes, unsigned count, int32_t *restrict p_q14,
+                        int32_t *restrict q_q14, uint16_t *restrict grey_q4)
 {
-    const unsigned whole = (count + RIMROW_RAMP - 1) / RIMROW_RAMP * RIMROW_RAMP;
-    for (unsigned x = 0; x < whole; x++) {
-        p_q14[x] = rimrow_round(p_q24 + (int32_t)x * p_step_q24, 10);
-        q_q14[x] = rimrow_round(q_q24 + (int32_t)x * q_step_q24, 10);
+    for (unsigned x = 0; x < count; x += RIMROW_RAMP) {
+        for (unsigned i = 0; i < RIMROW_RAMP; i++) {
+            p_q14[x + i] = rimrow_round(p_q24 + steps->p_q24[i], 10);
+            q_q14[x + i] = rimrow_round(q_q24 + steps->q_q24[i], 10);
+        }
+        p_q24 += steps->p_q24[RIMROW_RAMP];
+        q_q24 += steps->q_q24[RIMROW_RAMP];
+    }
+    for (unsigned x = 0; bytes != NULL && x < count; x += RIMROW_RAMP) {
+        for (unsigned i = 0; i < RIMROW_RAMP; i++) {
+            grey_q4[x + i] = (uint16_t)(bytes[x + i] << 4);
+        }
     }
 }
 
@@ -296,15 +307,16 @@ static void rimrow_octants(const struct rimrow_batch *batch, unsigned count, uin
 {
     const unsigned whole = (count + RIMROW_STEP - 1) / RIMROW_STEP * RIMROW_STEP;
     const int16_t *rest = batch->columns + (RIMROW_COLUMNS - 1) * RIMROW_PIXELS;
-    for (int32_t octant = 0; octant < 8; octant++) {
-        uint32_t square = 0;
-        int32_t pixels = 0;
+    for (int16_t octant = 0; octant < 8; octant++) {
+        int32_t square = 0; /* 128 of 2^24 at most, but for all 4095 and so below 2^31 */
+        int16_t pixels = 0;
         for (unsigned i = 0; i < whole; i++) {
-            const int32_t own = ((batch->octant[i] ^ octant) - 1) >> 31;
-            square += (uint32_t)(rest[i] * rest[i] & own); /* 128 of 2^24 */
-            pixels -= own;
+            const int16_t own = (int16_t)-(batch->octant[i] == octant);
+            const int16_t one = (int16_t)(rest[i] & own);
+            square += rest[i] * one;
+            pixels = (int16_t)(pixels - own);
         }
-        squares[octant] = square;
+        squares[octant] = (uint32_t)square;
         counts[octant] = (uint32_t)pixels;
     }
 }

@@ -172,26 +172,36 @@ static bool check_octants(const struct dsp_kernels *variant, unsigned round)
     return same("rim_octants", variant, &one, &other, sizeof one, round);
 }
 
-/* Starts and steps such that every place stays within the range, as rim.h has them. */
-static bool check_ramp(const struct dsp_kernels *variant, unsigned round)
+/* Starts and steps such that every place stays within the range, as rim.h has them; with bytes and without. */
+static bool check_span(const struct dsp_kernels *variant, unsigned round)
 {
     const unsigned count = (unsigned)(random_u64() % (RIMROW_PIXELS + 1));
     const unsigned at = (unsigned)(random_u64() % (RIMROW_PIXELS - count + 1));
     const int32_t most_q24 = P_MAX_Q14 << 10;
-    const int32_t steps = (int32_t)count + RIMROW_RAMP;
+    const int32_t steps = (int32_t)count + 2 * RIMROW_RAMP;
     int32_t from[2];
     int32_t step[2];
     for (unsigned axis = 0; axis < 2; axis++) {
         from[axis] = within(-most_q24, most_q24);
         step[axis] = (within(-most_q24, most_q24) - from[axis]) / steps;
     }
+    struct rimrow_steps along;
+    for (int32_t i = 0; i <= RIMROW_RAMP; i++) {
+        along.p_q24[i] = i * step[0];
+        along.q_q24[i] = i * step[1];
+    }
+    uint8_t bytes[RIMROW_PIXELS + RIMROW_RAMP];
+    for (unsigned i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (uint8_t)random_u64();
+    }
+    const uint8_t *given = round % 2 != 0 ? bytes : NULL;
     memset(&expected, 0x5a, sizeof expected);
     found = expected;
-    dsp_scalar.rim_ramp(from[0], step[0], from[1], step[1], count, expected.batch.p_q14 + at,
-                        expected.batch.q_q14 + at);
-    variant->rim_ramp(from[0], step[0], from[1], step[1], count, found.batch.p_q14 + at,
-                      found.batch.q_q14 + at);
-    return same("rim_ramp", variant, &expected, &found, sizeof expected, round);
+    dsp_scalar.rim_span(&along, from[0], from[1], given, count, expected.batch.p_q14 + at,
+                        expected.batch.q_q14 + at, expected.batch.grey_q4 + at);
+    variant->rim_span(&along, from[0], from[1], given, count, found.batch.p_q14 + at, found.batch.q_q14 + at,
+                      found.batch.grey_q4 + at);
+    return same("rim_span", variant, &expected, &found, sizeof expected, round);
 }
 
 bool simd_rim_same(const struct dsp_kernels *variant, uint64_t (*random)(void))
@@ -200,7 +210,7 @@ bool simd_rim_same(const struct dsp_kernels *variant, uint64_t (*random)(void))
     unsigned kept = 0;
     for (unsigned round = 0; round < ROUNDS; round++) {
         if (!check_rows(variant, round, &kept) || !check_octants(variant, round) ||
-            !check_ramp(variant, round)) {
+            !check_span(variant, round)) {
             return false;
         }
     }

@@ -471,14 +471,28 @@ static void octants_add_up_squares_and_pixels(void)
     }
 }
 
-static void ramps_round_each_place(void)
+static void span_rounds_each_place_and_widens_bytes(void)
 {
-    dsp_scalar.rim_ramp(-1000000, 54321, 512, -1024, 21, batch.p_q14, batch.q_q14);
+    struct rimrow_steps steps;
+    for (int i = 0; i <= RIMROW_RAMP; i++) {
+        steps.p_q24[i] = 54321 * i;
+        steps.q_q24[i] = -1024 * i;
+    }
+    uint8_t bytes[24];
+    for (unsigned i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (uint8_t)(255 - i);
+    }
+    batch.grey_q4[24] = 77;
+    dsp_scalar.rim_span(&steps, -1000000, 512, bytes, 21, batch.p_q14, batch.q_q14, batch.grey_q4);
     for (int x = 0; x < 24; x++) { /* up to a whole multiple of RIMROW_RAMP */
         TEST_ASSERT_EQUAL_INT32((int32_t)floor((-1000000 + 54321.0 * x) / 1024 + 0.5), batch.p_q14[x]);
         TEST_ASSERT_EQUAL_INT32(1 - x, batch.q_q14[x]);
+        TEST_ASSERT_EQUAL_UINT16(16 * (255 - x), batch.grey_q4[x]);
     }
     TEST_ASSERT_EQUAL_INT32(0, batch.p_q14[24]);
+    TEST_ASSERT_EQUAL_UINT16(77, batch.grey_q4[24]);
+    dsp_scalar.rim_span(&steps, 0, 0, NULL, 24, batch.p_q14, batch.q_q14, batch.grey_q4 + 24);
+    TEST_ASSERT_EQUAL_UINT16(77, batch.grey_q4[24]);
 }
 
 int main(void)
@@ -491,6 +505,6 @@ int main(void)
     RUN_TEST(band_ends_where_it_should);
     RUN_TEST(extremes_of_the_ranges_do_not_overflow);
     RUN_TEST(octants_add_up_squares_and_pixels);
-    RUN_TEST(ramps_round_each_place);
+    RUN_TEST(span_rounds_each_place_and_widens_bytes);
     return UNITY_END();
 }
