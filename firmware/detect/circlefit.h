@@ -22,9 +22,9 @@
  * Light that falls unevenly tilts b and c over the circle, which would draw the centre to the bright side: the
  * second pass takes their slopes from planes through the black and the white around many circles.
  *
- * Only pixels near the edge speak: within 2 s. The triangle's own edges reach into that band where the circle
- * is small: where the colours behind them are known (pattern.h) they are part of the model, c / g1 times
- * their profile; where not, pixels near them are left out. */
+ * Only pixels near the edge speak: within 2 s in the first pass and 1.6 s in the second. The triangle's own edges
+ * reach into that band where the circle is small: where the colours behind them are known (pattern.h) they are part
+ * of the model, c / g1 times their profile; where not, pixels near them are left out. */
 #ifndef TESSERA_FIRMWARE_DETECT_CIRCLEFIT_H
 #define TESSERA_FIRMWARE_DETECT_CIRCLEFIT_H
 

@@ -21,42 +21,37 @@ static uint32_t square_q6(const struct dsp_gradient *row, unsigned x)
     return (uint32_t)(gx * gx) + (uint32_t)(gy * gy);
 }
 
-/* How far a value has to be shifted down to have 31 bits. */
-static unsigned excess_bits(uint64_t value)
+/* part / whole, Q16, to 2^-15 of itself. part <= whole, whole > 0. Both are brought to 16 bits: 32-bit
+ * division is the one that small processors do fast. */
+static uint32_t share_q16(uint64_t part, uint64_t whole)
 {
-    const unsigned bits = fx_bits_u64(value);
-    return bits > 31 ? bits - 31 : 0;
+    const unsigned bits = fx_bits_u64(whole);
+    const unsigned up = bits < 16 ? 16 - bits : 0;
+    const unsigned down = bits > 16 ? bits - 16 : 0;
+    return ((uint32_t)(part << up >> down) << 16) / (uint32_t)(whole << up >> down);
 }
 
-/* Where q = L_nn / |L_n| is zero between pixel a and pixel b, as a fraction of the way, 0..65536;
- * also the mean gradient. L_nn is the steered value S over m^2, with m = |L_n|, so that
- * t = A / (A + B) with A = |S_a| m_b^3, B = |S_b| m_a^3: one division. Only the ratios count, so the values
- * of one kind are shifted together until the larger has 31 bits (|S| and m^3 are below 2^44 and
- * 2^46); m is looked up, which is good to 3e-5 and moves the crossing by less than 3e-5 px. */
+/* Where q = L_nn / |L_n| is zero between pixel a and pixel b, as a fraction of the way, 0..65536; also the root
+ * mean square of both gradients. L_nn is the steered value S over m^2, with m = |L_n|, so that t = A / (A + B) with
+ * A = |S_a| m_b^3, B = |S_b| m_a^3. Only ratios count: with w the square of m over the mean of both squares, the third
+ * power is looked up by w. That and the shares' 16 bits move the crossing by at most 6e-5 px. */
 static uint32_t crossing_q16(const struct dsp_gradient *a_row, unsigned a,
                              const struct dsp_gradient *b_row, unsigned b, uint16_t *gradient_q3)
 {
-    const uint32_t a_square_q6 = square_q6(a_row, a);
-    const uint32_t b_square_q6 = square_q6(b_row, b);
-    const uint32_t a_gradient_q15 = profile_root_q24(a_square_q6);
-    const uint32_t b_gradient_q15 = profile_root_q24(b_square_q6);
-    *gradient_q3 = fx_saturate_u16(((int64_t)a_gradient_q15 + b_gradient_q15) >> 13);
-
-    /* 2^30 times 2^28 at most: Q6 times Q15, over 2^13. */
-    const uint64_t a_cube = ((uint64_t)a_square_q6 * a_gradient_q15) >> 13;
-    const uint64_t b_cube = ((uint64_t)b_square_q6 * b_gradient_q15) >> 13;
-    const uint64_t a_steered = (uint64_t)fx_abs_i64(dsp_steered_q8(a_row, a));
-    const uint64_t b_steered = (uint64_t)fx_abs_i64(dsp_steered_q8(b_row, b));
-    const unsigned cube_shift = excess_bits(a_cube | b_cube);
-    const unsigned steered_shift = excess_bits(a_steered | b_steered);
-    const uint64_t a_weight = (a_steered >> steered_shift) * (b_cube >> cube_shift);
-    const uint64_t b_weight = (b_steered >> steered_shift) * (a_cube >> cube_shift);
-    const uint64_t sum = a_weight + b_weight; /* below 2^63 */
-    if (sum == 0) {
+    const uint32_t a_square_q6 = square_q6(a_row, a); /* below 2^30, the sum below 2^31 */
+    const uint32_t sum_q6 = a_square_q6 + square_q6(b_row, b);
+    *gradient_q3 = fx_saturate_u16(profile_root_q24(sum_q6 / 2) >> 12);
+    if (sum_q6 == 0) {
         return 32768;
     }
-    const unsigned sum_shift = excess_bits(sum);
-    return (uint32_t)(((a_weight >> sum_shift) << 16) / (sum >> sum_shift));
+    const uint32_t a_over_mean_q22 = share_q16(a_square_q6, sum_q6) << 7;
+    const uint64_t a_cube_q14 = profile_cube(a_over_mean_q22);
+    const uint64_t b_cube_q14 = profile_cube((2u << 22) - a_over_mean_q22);
+    /* |S| is below 2^44. */
+    const uint64_t a_weight = (uint64_t)fx_abs_i64(dsp_steered_q8(a_row, a)) * b_cube_q14;
+    const uint64_t b_weight = (uint64_t)fx_abs_i64(dsp_steered_q8(b_row, b)) * a_cube_q14;
+    const uint64_t sum = a_weight + b_weight;
+    return sum > 0 ? share_q16(a_weight, sum) : 32768;
 }
 
 /* Between two edges of one polarity lies a minimum of the gradient, where the second derivative also

@@ -13,6 +13,7 @@ extern const uint16_t profile_edge_q15[257];
 extern const uint16_t profile_bell_q15[257];
 extern const uint16_t profile_root_q14[193];
 extern const uint16_t profile_inverse_q15[193];
+extern const uint16_t profile_cube_q14[130];
 
 /* Between table entries; at_q16 counts entries. */
 static inline int32_t profile_between(const uint16_t *table, uint32_t at_q16)
@@ -65,6 +66,12 @@ static inline uint32_t profile_inverse_q16(uint32_t x_q24)
         (uint32_t)profile_between(profile_inverse_q15, (m_q30 - (1u << 30)) >> 8);
     /* 1 / sqrt(m 2^(6 - shift)) = inverse(m) 2^(shift/2 - 3); from Q15 to Q16 one more. */
     return (uint32_t)(((uint64_t)inverse_q15 << (shift / 2)) >> 2);
+}
+
+/* x sqrt(x) for x in [0, 2], Q14: the third power of what x is the square of. */
+static inline uint32_t profile_cube(uint32_t x_q22)
+{
+    return (uint32_t)profile_between(profile_cube_q14, x_q22);
 }
 
 #endif

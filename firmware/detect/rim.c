@@ -7,7 +7,9 @@
 #include "firmware/detect/luma.h"
 #include "firmware/detect/profile.h"
 
-#define BAND_SIGMAS_Q8  512   /* 2 */
+/* The second pass keeps pixels within 1.6 blurs of the edge: those beyond hold 2.4 % of what all pixels know of where
+ * it is, and feel most what else is near. The first takes all it can to find it. */
+#define BAND_FINE_Q13   13107
 /* How near, in blurs, to the triangle's edges: as far in every direction, for what the model of a small
  * circle's rim lacks is the same all around, and must not be seen on one side only. */
 #define CLEAR_SIGMAS_Q8 563   /* 2.2: an edge farther off adds less than 1.4 % */
@@ -34,7 +36,7 @@ static_assert(RIMROW_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest
 
 /* What all pixels of a view share. */
 struct band {
-    int64_t inside_px_q16;    /* 2 s */
+    int64_t inside_px_q16;    /* 1.6 s, or 2 s */
     int64_t clear_px_q16;     /* 2.2 s, or 1.2 s */
     int64_t outer_square_q16; /* rho^2 within which the whole band lies */
     int64_t inner_square_q16; /* and without; 0: the centre may be in it */
@@ -43,10 +45,15 @@ struct band {
     bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
 };
 
+static int32_t band_q13(const struct rim_view *view)
+{
+    return view->fine ? BAND_FINE_Q13 : RIMROW_BAND_MAX_Q13;
+}
+
 static struct band make_band(const struct rim_view *view)
 {
     struct band band = {
-        .inside_px_q16 = ((int64_t)view->blur_px_q16 * BAND_SIGMAS_Q8) >> 8,
+        .inside_px_q16 = ((int64_t)view->blur_px_q16 * band_q13(view)) >> 13,
         .clear_px_q16 = ((int64_t)view->blur_px_q16 *
                          (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8)) >> 8,
     };
@@ -239,6 +246,7 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .depth_q14 = (int32_t)(bits > 16 ? over_blur_q16 >> (bits - 16)
                                          : over_blur_q16 << (16 - bits)),
         .gap_q10 = cut((view->gap_q16 * over_blur_q16) >> 22, (16 << 10) - 1),
+        .band_q13 = band_q13(view),
         .clear_q13 = (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8) * 32,
         .near_q13 = (int32_t)(((int64_t)BAND_MIN_PX_Q16 << 13) / view->blur_px_q16),
         .over_rim_q11 = cut(rim->over_rim_q15 >> 4, 16 << 11),
@@ -314,8 +322,8 @@ static void sum_batch(const struct rim *rim, struct batch *batch)
     batch->waiting = 0;
 }
 
-/* Whether the frame's rows are bytes of luma; such are widened beside their places. */
-static const uint8_t *bytes_at(const struct frame_view *frame, int64_t y, int64_t x, uint32_t count)
+/* Bytes of luma from the pixel on, where rows are such and a whole step more lies in the row; else NULL. */
+static const uint8_t *bytes_at(const struct frame_view *frame, uint32_t y, uint32_t x, uint32_t count)
 {
     const bool plain = frame->format == FRAME_GREY8 || frame->format == FRAME_NV12;
     return plain && x + count + RIMROW_RAMP <= frame->width_px
@@ -323,29 +331,33 @@ static const uint8_t *bytes_at(const struct frame_view *frame, int64_t y, int64_
                : NULL;
 }
 
-/* Reads the pixels from column `first` to `last` of row y. */
-static void read_span(const struct rim *rim, const struct frame_view *frame,
-                      const struct rim_view *view, int64_t y, int64_t first, int64_t last,
-                      struct batch *batch)
+/* Row y of the frame, as spans of it are read. */
+struct row {
+    uint32_t y;
+    int32_t  x_px;  /* near the centre, where p and q are: */
+    int32_t  p_q24;
+    int32_t  q_q24;
+};
+
+/* Reads the pixels from column `first` to `last` of a row. Spans are short: that it is inline counts. */
+static inline __attribute__((always_inline)) void read_span(const struct rim *rim, const struct frame_view *frame, const struct row *row,
+                      int64_t first, int64_t last, struct batch *batch)
 {
     struct rimrow_batch *pixels = rim->pixels;
-    first = first < 0 ? 0 : first;
-    last = last >= frame->width_px ? frame->width_px - 1 : last;
-    while (first <= last) {
+    int32_t x = first < 0 ? 0 : (int32_t)first;
+    const int32_t end = last >= frame->width_px ? frame->width_px : (int32_t)last + 1;
+    while (x < end) {
         const uint32_t at = batch->waiting;
-        const uint32_t room = RIMROW_PIXELS - at;
-        const uint32_t count = last - first < room ? (uint32_t)(last - first) + 1 : room;
-        const int64_t dx_q16 = (first << 16) - view->ellipse.x_px_q16;
-        const int64_t down_q16 = (y << 16) - view->ellipse.y_px_q16 -
-                                 fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
-        const uint8_t *bytes = bytes_at(frame, y, first, count);
-        rim->dsp->rim_span(&batch->steps, (int32_t)((dx_q16 * view->over_xx_q40) >> 16),
-                           (int32_t)((down_q16 * view->over_yy_q40) >> 16), bytes, count,
+        const uint32_t wanted = (uint32_t)(end - x);
+        const uint32_t count = wanted < RIMROW_PIXELS - at ? wanted : RIMROW_PIXELS - at;
+        const uint8_t *bytes = bytes_at(frame, row->y, (uint32_t)x, count);
+        rim->dsp->rim_span(&batch->steps, row->p_q24 + (x - row->x_px) * batch->steps.p_q24[1],
+                           row->q_q24 + (x - row->x_px) * batch->steps.q_q24[1], bytes, count,
                            pixels->p_q14 + at, pixels->q_q14 + at, pixels->grey_q4 + at);
         if (bytes == NULL) {
-            luma_span(frame, (uint16_t)y, (uint16_t)first, count, pixels->grey_q4 + at);
+            luma_span(frame, (uint16_t)row->y, (uint16_t)x, count, pixels->grey_q4 + at);
         }
-        first += count;
+        x += (int32_t)count;
         batch->waiting = at + count;
         if (batch->waiting == RIMROW_PIXELS) {
             sum_batch(rim, batch);
@@ -387,6 +399,37 @@ static int64_t thin_step(const struct rim_view *view)
     return step < 2 ? 2 : step > THIN_STEP_MAX ? THIN_STEP_MAX : step;
 }
 
+/* Which columns of a row lie in the band: an ellipse without the one inside of it. */
+struct columns {
+    int64_t across_px2_q12; /* S_xx - S_xy^2 / S_yy */
+    int64_t lean_q16;       /* S_xy / S_yy */
+    int64_t over_yy_q28;    /* 1 / S_yy */
+};
+
+static void read_row(const struct rim *rim, const struct frame_view *frame, const struct band *band,
+                     const struct columns *columns, const struct ellipse *e, const struct row *row,
+                     struct batch *batch)
+{
+    const int64_t dy_q16 = ((int64_t)row->y << 16) - e->y_px_q16;
+    const int64_t v_q16 = (((dy_q16 * dy_q16) >> 16) * columns->over_yy_q28) >> 28;
+    const int64_t outer = half_width_px_q16(columns->across_px2_q12, band->outer_square_q16, v_q16);
+    const int64_t inner = half_width_px_q16(columns->across_px2_q12, band->inner_square_q16, v_q16);
+    if (outer < 0) {
+        return;
+    }
+    const int64_t middle = e->x_px_q16 + ((dy_q16 * columns->lean_q16) >> 16);
+    const int64_t left = (middle - outer - SPAN_MARGIN_PX_Q16 + 65535) >> 16;
+    const int64_t right = (middle + outer + SPAN_MARGIN_PX_Q16) >> 16;
+    int64_t right_begin = left;
+    if (inner > SPAN_MARGIN_PX_Q16) {
+        const int64_t left_end = (middle - inner + SPAN_MARGIN_PX_Q16) >> 16;
+        right_begin = (middle + inner - SPAN_MARGIN_PX_Q16 + 65535) >> 16;
+        right_begin = right_begin > left_end ? right_begin : left_end + 1;
+        read_span(rim, frame, row, left, left_end, batch);
+    }
+    read_span(rim, frame, row, right_begin, right, batch);
+}
+
 void rim_gather(const struct rim *rim, const struct frame_view *frame, const struct rim_view *view,
                 struct rim_sums *sums)
 {
@@ -400,37 +443,28 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     feel_edges(view, &band, &batch.felt);
     describe_view(rim, view, &band, &batch.felt, &batch.view);
     describe_steps(view, &batch.steps);
-    const int64_t step = thin_step(view);
+    const int64_t lean_q16 = (int64_t)e->shape_xy_px2_q12 * 65536 / e->shape_yy_px2_q12;
+    const struct columns columns = {
+        .across_px2_q12 = e->shape_xx_px2_q12 - ((e->shape_xy_px2_q12 * lean_q16) >> 16),
+        .lean_q16 = lean_q16,
+        .over_yy_q28 = ((int64_t)1 << 40) / e->shape_yy_px2_q12,
+    };
     const int64_t half_y_q16 =
         (int64_t)root_u64(((uint64_t)e->shape_yy_px2_q12 * (uint64_t)band.outer_square_q16) << 4);
     int64_t top = (e->y_px_q16 - half_y_q16) >> 16;
     int64_t bottom = (e->y_px_q16 + half_y_q16 + 65535) >> 16;
     top = top < 0 ? 0 : top;
     bottom = bottom >= frame->height_px ? frame->height_px - 1 : bottom;
-    const int64_t lean_q16 = (int64_t)e->shape_xy_px2_q12 * 65536 / e->shape_yy_px2_q12;
-    const int64_t across_px2_q12 =
-        e->shape_xx_px2_q12 - ((e->shape_xy_px2_q12 * lean_q16) >> 16);
-    const int64_t over_yy_q28 = ((int64_t)1 << 40) / e->shape_yy_px2_q12;
+
+    struct row row = {.x_px = e->x_px_q16 >> 16};
+    const int64_t dx_q16 = ((int64_t)row.x_px << 16) - e->x_px_q16; /* p = dx / B_xx */
+    row.p_q24 = (int32_t)((dx_q16 * view->over_xx_q40) >> 16);
+    const int64_t sheared_q16 = e->y_px_q16 + fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
+    const int64_t step = thin_step(view);
     for (int64_t y = top; y <= bottom; y += step) {
-        const int64_t dy_q16 = (y << 16) - e->y_px_q16;
-        const int64_t v_q16 = (((dy_q16 * dy_q16) >> 16) * over_yy_q28) >> 28;
-        const int64_t outer = half_width_px_q16(across_px2_q12, band.outer_square_q16, v_q16);
-        const int64_t inner = half_width_px_q16(across_px2_q12, band.inner_square_q16, v_q16);
-        if (outer < 0) {
-            continue;
-        }
-        const int64_t middle = e->x_px_q16 + ((dy_q16 * lean_q16) >> 16);
-        const int64_t left = (middle - outer - SPAN_MARGIN_PX_Q16 + 65535) >> 16;
-        const int64_t right = (middle + outer + SPAN_MARGIN_PX_Q16) >> 16;
-        if (inner > SPAN_MARGIN_PX_Q16) {
-            const int64_t left_end = (middle - inner + SPAN_MARGIN_PX_Q16) >> 16;
-            const int64_t right_begin = (middle + inner - SPAN_MARGIN_PX_Q16 + 65535) >> 16;
-            read_span(rim, frame, view, y, left, left_end, &batch);
-            read_span(rim, frame, view, y,
-                      right_begin > left_end ? right_begin : left_end + 1, right, &batch);
-        } else {
-            read_span(rim, frame, view, y, left, right, &batch);
-        }
+        row.y = (uint32_t)y;
+        row.q_q24 = (int32_t)((((y << 16) - sheared_q16) * view->over_yy_q40) >> 16);
+        read_row(rim, frame, &band, &columns, e, &row, &batch);
     }
     sum_batch(rim, &batch);
     take_sums(&batch, sums);

@@ -10,6 +10,7 @@
 #include "firmware/detect/curve.h"
 
 #define RIMROW_PIXELS 128u
+#define RIMROW_BAND_MAX_Q13 (2 << 13)
 #define RIMROW_STEP   16u /* whole multiples are computed */
 #define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
@@ -32,8 +33,9 @@ struct rimrow_view {
     /* t = (1 - rho) (h / R) (R / s). In the band (1 - rho) h / R in Q(24 - depth_shift) is below 2^13. */
     uint32_t depth_shift;
     int32_t  depth_q14;        /* (R / s) 2^(depth_shift - 11), in [2, 4) */
-    /* Kept are |t| <= 2 and -t <= max(gap h / R - clear, near), all in blurs. */
+    /* Kept are |t| <= band and -t <= max(gap h / R - clear, near), all in blurs. */
     int32_t  gap_q10;          /* below 16 */
+    int32_t  band_q13;         /* at most RIMROW_BAND_MAX_Q13 */
     int32_t  clear_q13;
     int32_t  near_q13;
     int32_t  over_rim_q11;     /* full swing over the swing at the circle's edge, at most 16 */

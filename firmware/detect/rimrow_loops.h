@@ -10,8 +10,6 @@
 
 #define RIMROW_INLINE static inline __attribute__((always_inline))
 
-/* 2 blurs: what is kept, and where the polynomials end. */
-#define RIMROW_BAND_Q13    (2 << 13)
 #define RIMROW_LIMIT_Q15   ((2 << 15) - 64) /* below 2 in Q11 after rounding */
 #define RIMROW_REST_LIMIT  4095
 
@@ -169,9 +167,9 @@ RIMROW_INLINE void rimrow_pixel(const struct rimrow_view *view, unsigned edge_co
     const int32_t far_q13 = (along * view->depth_q14) >> 14;
     const int32_t outwards_q13 =
         rimrow_most(((view->gap_q10 * h_q14) >> 11) - view->clear_q13, view->near_q13);
-    kept &= ~(rimrow_below(RIMROW_BAND_Q13, far_q13) | rimrow_below(far_q13, -RIMROW_BAND_Q13) |
+    kept &= ~(rimrow_below(view->band_q13, far_q13) | rimrow_below(far_q13, -view->band_q13) |
               rimrow_below(outwards_q13, -far_q13));
-    const int32_t tau_q13 = rimrow_cut(far_q13, RIMROW_BAND_Q13);
+    const int32_t tau_q13 = rimrow_cut(far_q13, RIMROW_BAND_MAX_Q13);
 
     /* The edge's profile with the peak inside, and its slope. */
     const int32_t y_q14 = rimrow_cut(swing_q29 >> 15, CURVE_Y_MAX_Q14);

@@ -169,8 +169,8 @@ def test_edge_points_are_zeros_of_the_second_over_the_first_derivative(frame):
         # Of t = qa / (qa - qb): (1 - t) of qa's error and t of qb's, over the difference as it may be.
         worst = max(q_error[a], q_error[b])
         room = abs(q[a] - q[b]) - 2 * worst
-        # Roots looked up move it by 3e-5 px (edges.c), the format by half of 1/65536 px.
-        limits.append(min(1, worst / room if room > 0 else 1) + 3e-5 + 1 / 65536)
+        # Third powers and shares of 16 bits move it by 6e-5 px (edges.c), the format by half of 1/65536 px.
+        limits.append(min(1, worst / room if room > 0 else 1) + 6e-5 + 1 / 65536)
         errors.append(found[name][0] - fraction)
         steepness.append(found[name][1] - gradient)
     show("edge points, px", errors, np.array(limits))

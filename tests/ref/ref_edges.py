@@ -11,7 +11,7 @@ from ref_filters import along_gradient
 
 
 def crossings(d, gradient_min):
-    """{(across, row, column): (fraction, mean |gradient|, lean, first pixel, second pixel)}: the point lies
+    """{(across, row, column): (fraction, RMS |gradient|, lean, first pixel, second pixel)}: the point lies
     that fraction of the way from (row, column) to the next column, or down to the next row."""
     gradient, second = along_gradient(d)
     out = {}
@@ -26,7 +26,8 @@ def crossings(d, gradient_min):
             brighter = np.array([d["x"][b] + d["x"][a], d["y"][b] + d["y"][a]]) * np.sign(qa - qb)
             along, beside = brighter if across else brighter[::-1]
             out[(across, int(row), int(column))] = (
-                qa / (qa - qb), (gradient[a] + gradient[b]) / 2, along / max(abs(beside), 1e-9), a, b)
+                qa / (qa - qb), np.hypot(gradient[a], gradient[b]) / np.sqrt(2),
+                along / max(abs(beside), 1e-9), a, b)
     return out
 
 

@@ -62,6 +62,7 @@ static struct rimrow_view random_view(unsigned round)
 {
     struct rimrow_view view = {
         .gap_q10 = within(0, (16 << 10) - 1),
+        .band_q13 = within(1 << 13, RIMROW_BAND_MAX_Q13),
         .clear_q13 = random_u64() % 2 != 0 ? 307 * 32 : 563 * 32,
         .near_q13 = within(0, 4 << 13),
         .over_rim_q11 = within(1 << 11, 16 << 11),

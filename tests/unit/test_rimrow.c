@@ -35,6 +35,7 @@ static struct rimrow_view make_view(double alpha, double turn, double over_blur)
         .inverse_sin_q15 = (int32_t)lround(swing * sin(turn) * 32768),
         .depth_shift = 12 - (uint32_t)floor(log2(over_blur)),
         .gap_q10 = (16 << 10) - 1,
+        .band_q13 = RIMROW_BAND_MAX_Q13,
         .clear_q13 = 307 * 32,
         .near_q13 = 2 << 13,
         .over_rim_q11 = 1 << 11,
@@ -367,10 +368,11 @@ static void range_of_radii_is_exact(void)
     TEST_ASSERT_EQUAL_INT16(8, batch.octant[0]);
 }
 
-/* Two blurs inwards; outwards what gap, clear and near leave. Along an axis of a circle: h = R. */
+/* Inwards the band; outwards what gap, clear and near leave. Along an axis of a circle: h = R. */
 static void band_ends_where_it_should(void)
 {
     struct rimrow_view view = make_view(1, 0, 8);
+    view.band_q13 = 3 << 12; /* 1.5 */
     view.near_q13 = 1 << 12; /* 0.5 */
     view.gap_q10 = 2 << 10;
     view.clear_q13 = 5 << 11; /* 1.25: 0.75 are left */
@@ -378,7 +380,7 @@ static void band_ends_where_it_should(void)
     static const struct {
         double tau;
         bool   kept;
-    } ends[] = {{2 - 0x1p-9, true}, {2 + 0x1p-9, false}, {-0.75 + 0x1p-9, true}, {-0.75 - 0x1p-9, false}};
+    } ends[] = {{1.5 - 0x1p-9, true}, {1.5 + 0x1p-9, false}, {-0.75 + 0x1p-9, true}, {-0.75 - 0x1p-9, false}};
     for (unsigned i = 0; i < 4; i++) {
         batch.p_q14[i] = (int32_t)lrint((1 - ends[i].tau / 8) * 16384);
         batch.q_q14[i] = 0;
