@@ -24,6 +24,7 @@
 #define HELD_Q30          FX_Q(0.1, 30)
 #define COARSE_STEPS      2u
 #define COARSE_FAR_SHARE  5
+#define BLUR_FAR_SHARE    3
 #define FINE_STEPS        3u
 #define FINE_FAR_SHARE    12
 #define UNEVEN_FAR_SHARE  200
@@ -170,12 +171,18 @@ static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM
         const int64_t over_q30 = part_over_whole_q30(part, contrast_q30);
         step_q36[i] = fx_round_shift_i64(over_q30 * share_q24, 18);
     }
+    /* On the way down 1 / (1 + x) is nearer to what is meant than 1 - x: a start that took the circle's contrast for
+     * larger than it is, as under gamma, is too blurred by a half or more. */
     const int64_t blur_q30 = solution_q30[RIM_BLUR];
-    if (2 * fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
+    if (fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
         return false;
     }
-    const int64_t blur_change_q30 = part_over_whole_q30(blur_q30, contrast_q30);
-    view->blur_px_q16 += (int32_t)fx_round_shift_i64(view->blur_px_q16 * blur_change_q30, 30);
+    const int64_t change_q30 = part_over_whole_q30(blur_q30, contrast_q30);
+    const int64_t one_q30 = (int64_t)1 << 30;
+    view->blur_px_q16 =
+        (int32_t)(change_q30 < 0
+                      ? ((int64_t)view->blur_px_q16 << 30) / (one_q30 - change_q30)
+                      : fx_round_shift_i64(view->blur_px_q16 * (one_q30 + change_q30), 30));
     return view->blur_px_q16 >= BLUR_MIN_PX_Q16 && view->blur_px_q16 <= BLUR_MAX_PX_Q16 &&
            ellipse_step(&view->ellipse, &view->root, step_q36) && prepare_view(view);
 }
@@ -331,7 +338,8 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
             !apply_solution(view, solution_q30, view->contrast_q30)) {
             return false;
         }
-        far = is_far(solution_q30, view->contrast_q30, COARSE_FAR_SHARE);
+        far = is_far(solution_q30, view->contrast_q30, COARSE_FAR_SHARE) ||
+              BLUR_FAR_SHARE * fx_abs_i64(solution_q30[RIM_BLUR]) > fx_abs_i64(view->contrast_q30);
     }
     view->fine = true;
     return true;

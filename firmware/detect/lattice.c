@@ -12,6 +12,13 @@
 #define STRAYS_SIGMAS_Q8 640   /* 2.5 */
 #define STRAYS_PX_Q16    10486 /* 0.16 */
 #define ROOT_LIMIT_Q16 ((int64_t)600 << 16)
+/* Light that changes by the full swing over fewer pixels is uneven: a circle of 6 px under a blur of 1 px is drawn by
+ * 11 px times its slope's error, 0.001 px where that is all of it. */
+#define UNEVEN_PX      8192
+
+/* A patch and those around it. */
+static const int8_t beside[9][2] = {{0, 0},  {-1, 0}, {1, 0},  {0, -1}, {0, 1},
+                                    {-1, -1}, {-1, 1}, {1, -1}, {1, 1}};
 
 void lattice_init(struct lattice *lattice, struct arena *arena)
 {
@@ -140,8 +147,7 @@ static struct patch_light nearby_light(const struct lattice *lattice, const stru
                 }
                 const uint32_t index = lattice->patch_of[(unsigned)r * target->cols + (unsigned)c];
                 if (index != MARKS_NONE &&
-                    (patches->at[index].light.white_slope_q30[0] != 0 ||
-                     patches->at[index].light.white_slope_q30[1] != 0)) {
+                    patches->at[index].light.swing_q30 != 0) {
                     return patches->at[index].light;
                 }
             }
@@ -263,7 +269,46 @@ static unsigned extend_patch(struct lattice *lattice, struct refine *refine,
     return added;
 }
 
-/* Refines a patch again that was cut, or was while it was refined: its own circles did not tell its edges well. */
+/* Finds the light of a patch that had none when its circles were refined, by all that was found in it and beside it. */
+static bool find_light(const struct lattice *lattice, struct light *light,
+                       struct patches *patches, const struct marks *marks, unsigned row,
+                       unsigned col, struct patch *patch)
+{
+    const struct target *target = patches->settings.target;
+    const unsigned features = layout_feature_count(target->levels);
+    uint32_t count = 0;
+    const struct ellipse *place = NULL;
+    for (unsigned cell = 0; cell < 9; cell++) {
+        const unsigned r = row + (unsigned)beside[cell][0]; /* wraps above 0: too large then */
+        const unsigned c = col + (unsigned)beside[cell][1];
+        const uint32_t index =
+            r < target->rows && c < target->cols ? lattice->patch_of[r * target->cols + c] : MARKS_NONE;
+        for (unsigned i = 0; index != MARKS_NONE && i < features && count < LIGHT_NEAR_MAX; i++) {
+            const uint32_t mark = patches->at[index].marks[i];
+            if (mark != MARKS_NONE) {
+                light->near[count++] = mark;
+                place = place == NULL ? &marks->at[mark].ellipse : place;
+            }
+        }
+    }
+    return place != NULL && light_fit(light, marks, count, place, &patch->light);
+}
+
+/* Whether light is so uneven that a circle lit by a neighbouring patch's would be seen off its place. */
+static bool is_uneven(const struct patch_light *light)
+{
+    int64_t steepest_q30 = 0;
+    for (unsigned axis = 0; axis < 2; axis++) {
+        const int64_t black_q30 = fx_abs_i64(light->black_slope_q30[axis]);
+        const int64_t white_q30 = fx_abs_i64(light->white_slope_q30[axis]);
+        steepest_q30 = black_q30 > steepest_q30 ? black_q30 : steepest_q30;
+        steepest_q30 = white_q30 > steepest_q30 ? white_q30 : steepest_q30;
+    }
+    return UNEVEN_PX * steepest_q30 > light->swing_q30;
+}
+
+/* Refines a patch again that was cut when it was refined, for its own circles did not tell its edges well; or that had
+ * to borrow its light. */
 static void refine_cut(struct lattice *lattice, struct refine *refine,
                        const struct frame_view *frame, struct patches *patches, struct marks *marks,
                        unsigned row, unsigned col)
@@ -271,13 +316,16 @@ static void refine_cut(struct lattice *lattice, struct refine *refine,
     const struct target *target = patches->settings.target;
     struct patch *patch = &patches->at[lattice->patch_of[row * target->cols + col]];
     struct boardmap map;
-    if (!patch->extended && patch->feature_count == layout_feature_count(target->levels)) {
+    const bool lit = patch->light.swing_q30 == 0 &&
+                     find_light(lattice, &refine->light, patches, marks, row, col, patch) &&
+                     is_uneven(&patch->light);
+    if (!lit && !patch->extended && patch->feature_count == layout_feature_count(target->levels)) {
         return;
     }
     const uint32_t pairs = gather_pairs(lattice, patches, marks, row, col, lattice->pairs);
     if (boardmap_fit(lattice->pairs, pairs, &map)) {
         const struct patch_light light = nearby_light(lattice, patches, row, col);
-        refine_again(refine, frame, &map, &light, patches, patch, marks);
+        refine_again(refine, frame, &map, &light, lit, patches, patch, marks);
     }
 }
 

@@ -7,7 +7,6 @@
 /* Planes through black and white: six circles at least, over some ten pixels; slopes up to a 64th of the
  * range a pixel. */
 #define CIRCLES_MIN 6u
-#define NEAR_MAX    512u /* all, and behind them those of one colour */
 #define REACH_SIZES 14u /* around the anchor: one patch and a half */
 #define SCALE       16
 #define PIVOT_Q30   ((int64_t)1 << 15)
@@ -27,16 +26,20 @@ struct plane {
 
 void light_init(struct light *light, struct arena *arena)
 {
-    light->near = arena_take(arena, NEAR_MAX, sizeof(uint32_t));
-    light->off_q30 = arena_take(arena, NEAR_MAX, sizeof(int64_t));
+    light->near = arena_take(arena, 2 * LIGHT_NEAR_MAX, sizeof(uint32_t));
+    light->off_q30 = arena_take(arena, LIGHT_NEAR_MAX, sizeof(int64_t));
+}
+
+static int64_t plane_at_q30(const struct plane *plane, const struct ellipse *place)
+{
+    const int64_t x_q12 = (place->x_px_q16 - plane->x_px_q16) >> 4;
+    const int64_t y_q12 = (place->y_px_q16 - plane->y_px_q16) >> 4;
+    return plane->level_q30 + ((plane->slope_q30[0] * x_q12 + plane->slope_q30[1] * y_q12) >> 12);
 }
 
 static int64_t off_plane_q30(const struct mark *mark, const struct plane *plane)
 {
-    const int64_t x_q12 = (mark->ellipse.x_px_q16 - plane->x_px_q16) >> 4;
-    const int64_t y_q12 = (mark->ellipse.y_px_q16 - plane->y_px_q16) >> 4;
-    return mark->level_q30 - plane->level_q30 -
-           ((plane->slope_q30[0] * x_q12 + plane->slope_q30[1] * y_q12) >> 12);
+    return mark->level_q30 - plane_at_q30(plane, &mark->ellipse);
 }
 
 /* The middle one of the values (Hoare's selection); reorders them. */
@@ -115,15 +118,15 @@ static bool fit_plane(const struct marks *marks, const uint32_t near[], uint32_t
            fx_abs_i64(plane->slope_q30[1]) <= LIMIT_Q30;
 }
 
-/* The slopes of the brightness around those circles that are white (their triangles black) or black. The first
+/* The plane through the brightness around those circles that are white (their triangles black) or black. The first
  * fits' levels are far off where something covers a circle: from the median level on, what does not agree is left
  * out. */
-static bool fit_slopes(struct light *light, const struct marks *marks, uint32_t near_count,
-                       bool white, int32_t slope_q30[2])
+static bool fit_colour(struct light *light, const struct marks *marks, uint32_t near_count,
+                       bool white, struct plane *plane)
 {
-    uint32_t *own = light->near + NEAR_MAX / 2; /* behind the lists of all */
+    uint32_t *own = light->near + LIGHT_NEAR_MAX; /* behind the list of all */
     uint32_t count = 0;
-    for (uint32_t i = 0; i < near_count && count < NEAR_MAX / 2; i++) {
+    for (uint32_t i = 0; i < near_count && count < LIGHT_NEAR_MAX; i++) {
         const struct mark *mark = &marks->at[light->near[i]];
         if (mark->contrast_q30 != 0 && mark->white == white) {
             light->off_q30[count] = mark->level_q30;
@@ -133,15 +136,15 @@ static bool fit_slopes(struct light *light, const struct marks *marks, uint32_t 
     if (count < CIRCLES_MIN) {
         return false;
     }
-    struct plane plane = {.level_q30 = median(light->off_q30, count)};
+    *plane = (struct plane){.level_q30 = median(light->off_q30, count)};
     for (unsigned step = 0; step < STEPS; step++) {
         for (uint32_t i = 0; i < count; i++) {
-            light->off_q30[i] = fx_abs_i64(off_plane_q30(&marks->at[own[i]], &plane));
+            light->off_q30[i] = fx_abs_i64(off_plane_q30(&marks->at[own[i]], plane));
         }
         const int64_t limit_q30 = OFF_MEDIANS * median(light->off_q30, count) + OFF_SLACK_Q30;
         uint32_t kept = 0;
         for (uint32_t i = 0; i < count; i++) {
-            if (fx_abs_i64(off_plane_q30(&marks->at[own[i]], &plane)) <= limit_q30) {
+            if (fx_abs_i64(off_plane_q30(&marks->at[own[i]], plane)) <= limit_q30) {
                 own[kept++] = own[i];
             }
         }
@@ -150,19 +153,34 @@ static bool fit_slopes(struct light *light, const struct marks *marks, uint32_t 
         if (agreed) {
             break;
         }
-        if (!fit_plane(marks, own, count, &plane)) {
+        if (!fit_plane(marks, own, count, plane)) {
             return false;
         }
     }
-    slope_q30[0] = (int32_t)plane.slope_q30[0];
-    slope_q30[1] = (int32_t)plane.slope_q30[1];
+    return true;
+}
+
+bool light_fit(struct light *light, const struct marks *marks, uint32_t count,
+               const struct ellipse *place, struct patch_light *out)
+{
+    struct plane black;
+    struct plane white;
+    if (!fit_colour(light, marks, count, true, &black) ||
+        !fit_colour(light, marks, count, false, &white)) {
+        return false;
+    }
+    *out = (struct patch_light){
+        .black_slope_q30 = {(int32_t)black.slope_q30[0], (int32_t)black.slope_q30[1]},
+        .white_slope_q30 = {(int32_t)white.slope_q30[0], (int32_t)white.slope_q30[1]},
+        .swing_q30 =
+            fx_saturate_i32(plane_at_q30(&white, place) - plane_at_q30(&black, place)),
+    };
     return true;
 }
 
 /* How the light falls on a patch: from what the first fits say of black and white there and around. */
 void light_find(struct light *light, struct patch *patch, const struct marks *marks)
 {
-    struct patch_light slopes = {0};
     if (patch->marks[LAYOUT_ANCHOR] == MARKS_NONE) {
         return;
     }
@@ -170,21 +188,20 @@ void light_find(struct light *light, struct patch *patch, const struct marks *ma
     const uint32_t count =
         marks_near(marks, anchor->ellipse.x_px_q16, anchor->ellipse.y_px_q16,
                    fx_saturate_u16(anchor->size_px_q16 >> 10) * (REACH_SIZES << 10),
-                   light->near, NEAR_MAX / 2);
-    if (fit_slopes(light, marks, count, true, slopes.black_slope_q30) &&
-        fit_slopes(light, marks, count, false, slopes.white_slope_q30)) {
-        patch->light = slopes;
-    }
+                   light->near, LIGHT_NEAR_MAX);
+    (void)light_fit(light, marks, count, &anchor->ellipse, &patch->light);
 }
 
-/* A black circle goes from white (b) to rim_level of the way to black; a white one the other way. */
-void light_tilt(const struct patch_light *light, int64_t over_rim_q15, bool white,
-                struct rim_view *view)
+/* What is printed in a shade between black and white is seen in one, and its slope lies between theirs as its
+ * brightness does, whatever curve the camera has put between them. So a circle's contrast changes by the share that
+ * it is of the full swing. */
+void light_tilt(const struct patch_light *light, bool white, struct rim_view *view)
 {
     for (unsigned axis = 0; axis < 2; axis++) {
-        const int64_t outside = white ? light->black_slope_q30[axis] : light->white_slope_q30[axis];
-        const int64_t inside = white ? light->white_slope_q30[axis] : light->black_slope_q30[axis];
-        view->level_slope_q30[axis] = outside;
-        view->contrast_slope_q30[axis] = (inside - outside) * 32768 / over_rim_q15;
+        const int64_t black_q30 = light->black_slope_q30[axis];
+        const int64_t white_q30 = light->white_slope_q30[axis];
+        view->level_slope_q30[axis] = white ? black_q30 : white_q30;
+        view->contrast_slope_q30[axis] =
+            light->swing_q30 > 0 ? (white_q30 - black_q30) * view->contrast_q30 / light->swing_q30 : 0;
     }
 }

@@ -6,20 +6,24 @@
 #include "firmware/detect/patches.h"
 #include "firmware/detect/rim.h"
 
+#define LIGHT_NEAR_MAX 256u
+
 struct light {
-    uint32_t *near;    /* the circles that are looked at */
+    uint32_t *near;    /* the circles that are looked at; behind them room for as many */
     int64_t  *off_q30; /* how far each is off the plane  */
 };
 
 void light_init(struct light *light, struct arena *arena);
 
 /* Sets patch->light from what the first fits say of black and white in the patch and around it: the slopes
- * of the planes through both. Left as it is where there are too few circles. */
+ * of the planes through both, and their distance. Left as it is where there are too few circles. */
 void light_find(struct light *light, struct patch *patch, const struct marks *marks);
 
-/* The slopes of level and contrast for one circle. over_rim_q15: a full swing from black to white over the
- * circle's at its edge. */
-void light_tilt(const struct patch_light *light, int64_t over_rim_q15, bool white,
-                struct rim_view *view);
+/* The same by the first `count` circles of light->near, at the given place; false where they are too few. */
+bool light_fit(struct light *light, const struct marks *marks, uint32_t count,
+               const struct ellipse *place, struct patch_light *out);
+
+/* The slopes of level and contrast for one circle whose contrast has been fitted. */
+void light_tilt(const struct patch_light *light, bool white, struct rim_view *view);
 
 #endif

@@ -24,11 +24,12 @@ struct patches_settings {
     const struct target *target;           /* NULL: any id may be seen                 */
 };
 
-/* How the brightness of black and of white changes over a patch, per pixel along x and y, Q30 of 4096
- * grey_q4. */
+/* How the brightness of black and of white changes over a patch, per pixel along x and y, and how far apart both are
+ * there; Q30 of 4096 grey_q4. */
 struct patch_light {
     int32_t black_slope_q30[2];
     int32_t white_slope_q30[2];
+    int32_t swing_q30; /* 0: not known */
 };
 
 struct patch {

@@ -56,14 +56,16 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
         return false;
     }
     view.edges = *edges;
-    light_tilt(light, refine->fit.rim.over_rim_q15, mark->white, &view);
     view.blur_px_q16 = view.size_px_q16 < SMALL_SIGMAS * (int64_t)refine->edge_blur_px_q16
                            ? refine->edge_blur_px_q16
                            : refine->blur_px_q16;
     view.edge_blur_px_q16 = refine->edge_blur_px_q16;
     struct mark fitted = *mark;
-    if (!circlefit_coarse(&refine->fit, frame, &view, mark->white) ||
-        !circlefit_fine(&refine->fit, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
+    if (!circlefit_coarse(&refine->fit, frame, &view, mark->white)) {
+        return false;
+    }
+    light_tilt(light, mark->white, &view);
+    if (!circlefit_fine(&refine->fit, frame, &view, &fitted) || !is_clean(refine, &fitted)) {
         return false;
     }
     fitted.level_q30 = fx_saturate_i32(view.level_q30);
@@ -310,7 +312,7 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct rim_view *view = &refine->views[i];
-        light_tilt(&patch->light, refine->fit.rim.over_rim_q15, mark->white, view);
+        light_tilt(&patch->light, mark->white, view);
         if (blur_px_q16 > 0 && view->size_px_q16 < SMALL_SIGMAS * (int64_t)blur_px_q16) {
             view->blur_px_q16 = blur_px_q16;
         }
@@ -387,19 +389,19 @@ static bool is_better(const struct mark *before, const struct mark *now,
 }
 
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct boardmap *around, const struct patch_light *light,
+                  const struct boardmap *around, const struct patch_light *light, bool all,
                   const struct patches *patches, struct patch *patch, struct marks *marks)
 {
     continue_from_marks(refine, patches, patch, around, marks);
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         struct rim_view *view = &refine->views[i];
         if (patch->marks[i] == MARKS_NONE ||
-            circlefit_is_roomy(view, refine->edge_blur_px_q16)) {
+            (!all && circlefit_is_roomy(view, refine->edge_blur_px_q16))) {
             continue;
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct mark fitted = *mark;
-        light_tilt(light, refine->fit.rim.over_rim_q15, mark->white, view);
+        light_tilt(light, mark->white, view);
         if (circlefit_fine(&refine->fit, frame, view, &fitted) && is_clean(refine, &fitted) &&
             is_better(mark, &fitted, &view->edges)) {
             *mark = fitted;

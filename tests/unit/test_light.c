@@ -144,16 +144,27 @@ static void circles_that_something_hides_do_not_tilt_the_planes(void)
 
 static void level_and_contrast_tilt_by_colour(void)
 {
-    const struct patch_light slopes = {.black_slope_q30 = {1000, 0}, .white_slope_q30 = {5000, 200}};
-    struct rim_view view = {0};
-    /* A circle whose swing is half of the full one. */
-    light_tilt(&slopes, 65536, true, &view);
+    const struct patch_light slopes = {
+        .black_slope_q30 = {1000, 0}, .white_slope_q30 = {5000, 200}, .swing_q30 = 1 << 28};
+    /* Circles whose swing is half of the full one, and a quarter: as a curve between print and picture makes it. */
+    struct rim_view view = {.contrast_q30 = 1 << 27};
+    light_tilt(&slopes, true, &view);
     TEST_ASSERT_EQUAL_INT(1000, view.level_slope_q30[0]);
     TEST_ASSERT_EQUAL_INT(2000, view.contrast_slope_q30[0]);
     TEST_ASSERT_EQUAL_INT(100, view.contrast_slope_q30[1]);
-    light_tilt(&slopes, 65536, false, &view);
+    view.contrast_q30 = -(1 << 26);
+    light_tilt(&slopes, false, &view);
     TEST_ASSERT_EQUAL_INT(5000, view.level_slope_q30[0]);
-    TEST_ASSERT_EQUAL_INT(-2000, view.contrast_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT(-1000, view.contrast_slope_q30[0]);
+}
+
+static void unknown_light_is_even(void)
+{
+    const struct patch_light unknown = {{0}, {0}, 0};
+    struct rim_view view = {.contrast_q30 = 1 << 27, .contrast_slope_q30 = {7, 7}};
+    light_tilt(&unknown, true, &view);
+    TEST_ASSERT_EQUAL_INT(0, view.level_slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT(0, view.contrast_slope_q30[1]);
 }
 
 int main(void)
@@ -162,6 +173,7 @@ int main(void)
     RUN_TEST(slopes_of_black_and_white_are_found_apart);
     RUN_TEST(few_circles_say_nothing);
     RUN_TEST(level_and_contrast_tilt_by_colour);
+    RUN_TEST(unknown_light_is_even);
     RUN_TEST(circles_that_something_hides_do_not_tilt_the_planes);
     return UNITY_END();
 }

@@ -154,6 +154,8 @@ def light(plan):
              camera={"gamma": 1.8})
     plan.add("light", "vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT,
              camera={"vignetting": 0.6})
+    plan.add("light", "gamma 1.8, vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT, short=True,
+             camera={"gamma": 1.8, "vignetting": 0.6})
     plan.add("light", "all of it, contrast 120", [(130, None, 20)], ratio_max=RATIO_LIGHT,
              camera={"gamma": 1.8, "vignetting": 0.3, "black": 60, "white": 180,
                      "shading": {"to": 0.4, "direction_deg": 60}, "psf_sigma_px": 1.3})
@@ -176,12 +178,14 @@ def occluders(rng, width, height, count):
 
 
 def covered(plan):
-    for name, side, count, frames in (("few", 130, 25, 3), ("many", 130, 120, 3),
-                                      ("many, patch side 90 px", 90, 150, 2)):
+    for name, side, count, frames, light in (
+            ("few", 130, 25, 3, {}), ("many", 130, 120, 3, {}), ("many, patch side 90 px", 90, 150, 2, {}),
+            ("many, shading to a quarter", 130, 120, 2, {"shading": {"to": 0.25, "direction_deg": 130}}),
+            ("many, gamma 1.8, vignetting 0.6", 130, 120, 2, {"gamma": 1.8, "vignetting": 0.6})):
         rng = plan.random("occluders", name)
         scenes = []
         for _ in range(1 if plan.short else frames):
-            camera = plan.camera()
+            camera = plan.camera(**light)
             share = camera["width"] * camera["height"] / (WIDTH * HEIGHT)
             camera["occluders"] = occluders(rng, camera["width"], camera["height"],
                                             round(count * share))
