@@ -5,6 +5,25 @@
 #if defined(__ARM_NEON)
 #include <arm_neon.h>
 
+#define RV              int16x8_t
+#define RV_LANES        8u
+#define RV_LOAD(p)      vld1q_s16(p)
+#define RV_STORE(p, v)  vst1q_s16(p, v)
+#define RV_SET(x)       vdupq_n_s16((int16_t)(x))
+#define RV_ADD(a, b)    vaddq_s16(a, b)
+#define RV_SUB(a, b)    vsubq_s16(a, b)
+#define RV_ADDS(a, b)   vqaddq_s16(a, b)
+#define RV_SUBS(a, b)   vqsubq_s16(a, b)
+#define RV_MULR(a, b)   vqrdmulhq_s16(a, b)
+#define RV_MIN(a, b)    vminq_s16(a, b)
+#define RV_MAX(a, b)    vmaxq_s16(a, b)
+#define RV_AND(a, b)    vandq_s16(a, b)
+#define RV_ANDNOT(a, b) vbicq_s16(b, a)
+#define RV_OR(a, b)     vorrq_s16(a, b)
+#define RV_SHL(a, n)    vshlq_s16(a, vdupq_n_s16((int16_t)(n)))
+#define RV_SHR(a, n)    vshlq_s16(a, vdupq_n_s16((int16_t)-(int16_t)(n)))
+#define RV_GT(a, b)     vreinterpretq_s16_u16(vcgtq_s16(a, b))
+
 #include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 

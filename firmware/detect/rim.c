@@ -9,7 +9,7 @@
 
 /* The second pass keeps pixels within 1.6 blurs of the edge: those beyond hold 2.4 % of what all pixels know of where
  * it is, and feel most what else is near. The first takes all it can to find it. */
-#define BAND_FINE_Q13   13107
+#define BAND_FINE_Q14   26214
 /* How near, in blurs, to the triangle's edges: as far in every direction, for what the model of a small
  * circle's rim lacks is the same all around, and must not be seen on one side only. */
 #define CLEAR_SIGMAS_Q8 563   /* 2.2: an edge farther off adds less than 1.4 % */
@@ -45,15 +45,15 @@ struct band {
     bool    within_range;     /* (R / h)^2 is nowhere too small or large to be looked up */
 };
 
-static int32_t band_q13(const struct rim_view *view)
+static int16_t band_q14(const struct rim_view *view)
 {
-    return view->fine ? BAND_FINE_Q13 : RIMROW_BAND_MAX_Q13;
+    return view->fine ? BAND_FINE_Q14 : RIMROW_BAND_MAX_Q14;
 }
 
 static struct band make_band(const struct rim_view *view)
 {
     struct band band = {
-        .inside_px_q16 = ((int64_t)view->blur_px_q16 * band_q13(view)) >> 13,
+        .inside_px_q16 = ((int64_t)view->blur_px_q16 * band_q14(view)) >> 14,
         .clear_px_q16 = ((int64_t)view->blur_px_q16 *
                          (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8)) >> 8,
     };
@@ -212,8 +212,9 @@ static void describe_profile(const struct rim *rim, const struct rim_view *view,
 {
     const int64_t eps_q16 = ((int64_t)view->blur_px_q16 << 16) / view->size_px_q16;
     const int64_t cut_q16 = eps_q16 < EPS_MAX_Q16 ? eps_q16 : EPS_MAX_Q16;
-    curve_at(cut_q16, band->alpha_q16, row->curve_q14);
-    row->eps_q14 = (int32_t)(cut_q16 >> 2);
+    int32_t curve_q14[CURVE_TERMS];
+    curve_at(cut_q16, band->alpha_q16, curve_q14);
+    rimrow_set_bend(row, curve_q14, cut_q16);
 
     const int64_t blur_q28 = (cut_q16 * cut_q16) >> 4;
     const int64_t peak_q28 = (rim->gauss_sigma_q16 * rim->gauss_sigma_q16) >> 4;
@@ -223,13 +224,13 @@ static void describe_profile(const struct rim *rim, const struct rim_view *view,
     const int64_t whole_q28 = det_q28 > 0 ? det_q28 : 1;
     row->peak_n0_q11 = cut(((peak_q28 + mean_q28) << 10) / whole_q28, 16 << 11);
     row->peak_n1_q11 = cut((blur_q28 << 10) / whole_q28, 16 << 11);
-    /* 39.48 = phi(0)^-4. */
     const int64_t width_q28 = (int64_t)root_u64((uint64_t)whole_q28 << 28);
     const int64_t share_q14 = (peak_q28 << 14) / (width_q28 > 0 ? width_q28 : 1);
     const int64_t swing_q15 = ((32768 - rim->edge_q15) * rim->over_rim_q15) >> 15;
-    row->peak_q8 = cut((((swing_q15 * share_q14) >> 14) * FX_Q(39.478, 8)) >> 15, (1 << 18) - 1);
-    row->peak_shown_q15 = rim->gauss_sigma_q16 > PEAK_WIDE_Q16 ? 0 : 1 << 15;
-    row->edge_q14 = cut((rim->edge_q15 * rim->over_rim_q15) >> 16, (2 << 14) - 1);
+    /* 2.5066 = 1 / phi(0). */
+    row->peak = rimrow_gain_of((((swing_q15 * share_q14) >> 14) * FX_Q(2.506628, 14)) >> 6);
+    row->peak_shown_q15 = rim->gauss_sigma_q16 > PEAK_WIDE_Q16 ? 0 : INT16_MAX;
+    row->edge_q14 = (int16_t)cut((rim->edge_q15 * rim->over_rim_q15) >> 16, (2 << 14) - 1);
 }
 
 static void describe_view(const struct rim *rim, const struct rim_view *view,
@@ -245,11 +246,11 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .depth_shift = 29 - bits,
         .depth_q14 = (int32_t)(bits > 16 ? over_blur_q16 >> (bits - 16)
                                          : over_blur_q16 << (16 - bits)),
-        .gap_q10 = cut((view->gap_q16 * over_blur_q16) >> 22, (16 << 10) - 1),
-        .band_q13 = band_q13(view),
-        .clear_q13 = (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8) * 32,
-        .near_q13 = (int32_t)(((int64_t)BAND_MIN_PX_Q16 << 13) / view->blur_px_q16),
-        .over_rim_q11 = cut(rim->over_rim_q15 >> 4, 16 << 11),
+        .gap_q11 = (int16_t)cut((view->gap_q16 * over_blur_q16) >> 21, (16 << 11) - 1),
+        .band_q14 = band_q14(view),
+        .clear_q11 = (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8) * 8,
+        .near_q11 = (int16_t)cut(((int64_t)BAND_MIN_PX_Q16 << 11) / view->blur_px_q16, 15 << 11),
+        .over_rim = rimrow_gain_of(cut(rim->over_rim_q15, 16 << 15) * (int64_t)(1 << 9)),
         .rest_shift = 5,
     };
     describe_profile(rim, view, band, row);
@@ -292,8 +293,8 @@ static void give_edges(const struct felt_edges *felt, uint32_t count, struct rim
             inside &= junction_add(&felt->at[k], pixels->p_q14[i], pixels->q_q14[i], &others_q15,
                                    &growth_q15);
         }
-        pixels->others_q15[i] = inside ? others_q15 : RIMROW_BEYOND_Q15;
-        pixels->growth_q15[i] = growth_q15;
+        pixels->others_q14[i] = (int16_t)(inside ? others_q15 / 2 : RIMROW_BEYOND_Q14);
+        pixels->growth_q14[i] = (int16_t)(growth_q15 / 2);
     }
 }
 

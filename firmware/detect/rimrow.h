@@ -7,15 +7,17 @@
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_H
 
+#include <stdint.h>
+
 #include "firmware/detect/curve.h"
 
 #define RIMROW_PIXELS 128u
-#define RIMROW_BAND_MAX_Q13 (2 << 13)
+#define RIMROW_BAND_MAX_Q14 (INT16_MAX - 1) /* 2 blurs */
 #define RIMROW_STEP   16u /* whole multiples are computed */
 #define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
 #define RIMROW_GIVEN   (RIMROW_EDGES + 1)
-#define RIMROW_BEYOND_Q15 (2 << 15)
+#define RIMROW_BEYOND_Q14 INT16_MAX
 #define RIMROW_COLUMNS 9u
 
 /* Distance from a straight edge in blurs of that edge, positive on the circle's side: t0 + tp p + tq q. */
@@ -24,6 +26,32 @@ struct rimrow_edge {
     int32_t tp;     /* Q(edge_shift - 3), so that |tp|, |tq| <= 2^14 */
     int32_t tq;
 };
+
+/* A factor of at least 0 that may be larger than 1, for 16-bit lanes: mantissa 2^(up - down). What it is applied to
+ * is cut at `limit` between mantissa and shift, where the result would not fit. */
+struct rimrow_gain {
+    int16_t mantissa_q15;
+    int16_t limit;
+    int32_t up;
+    int32_t down;
+};
+
+static inline struct rimrow_gain rimrow_gain_of(int64_t value_q24)
+{
+    int32_t up = 0;
+    int32_t down = 0;
+    for (; value_q24 >= 1 << 24 && up < 15; value_q24 /= 2) {
+        up++;
+    }
+    for (; value_q24 > 0 && value_q24 < 1 << 23 && up == 0 && down < 15; value_q24 *= 2) {
+        down++;
+    }
+    const int64_t mantissa_q15 = (value_q24 + (1 << 8)) >> 9;
+    const struct rimrow_gain gain = {
+        (int16_t)(mantissa_q15 < INT16_MAX ? mantissa_q15 : INT16_MAX), (int16_t)(INT16_MAX >> up), up,
+        down};
+    return gain;
+}
 
 /* What all pixels of one circle share. */
 struct rimrow_view {
@@ -34,11 +62,11 @@ struct rimrow_view {
     uint32_t depth_shift;
     int32_t  depth_q14;        /* (R / s) 2^(depth_shift - 11), in [2, 4) */
     /* Kept are |t| <= band and -t <= max(gap h / R - clear, near), all in blurs. */
-    int32_t  gap_q10;          /* below 16 */
-    int32_t  band_q13;         /* at most RIMROW_BAND_MAX_Q13 */
-    int32_t  clear_q13;
-    int32_t  near_q13;
-    int32_t  over_rim_q11;     /* full swing over the swing at the circle's edge, at most 16 */
+    int16_t  gap_q11;          /* below 16 */
+    int16_t  band_q14;         /* at most RIMROW_BAND_MAX_Q14 */
+    int16_t  clear_q11;
+    int16_t  near_q11;
+    struct rimrow_gain over_rim; /* full swing over the swing at the circle's edge, at most 16 */
     /* The model of brightness: level + contrast edge; level in 1/32 grey_q4, contrast in 1/4 grey_q4, and how
      * they change with p and q. */
     int32_t  level_q5;
@@ -49,14 +77,15 @@ struct rimrow_view {
     int32_t  contrast_q_q2;
     uint32_t rest_shift;       /* rests are 1/32 grey_q4 shifted down by so much */
     /* The profile E = edge Phi(t) + A exp(-rho^2 (n0 - n1 y)) + the neighbours' part, over the swing at the rim.
-     * t by curve.h. */
-    int32_t  curve_q14[CURVE_TERMS];
-    int32_t  eps_q14;          /* s / R, at most 1 */
-    int32_t  edge_q14;         /* below 2 */
-    int32_t  peak_q8;          /* A / phi(0)^4, below 2^18 */
+     * t by curve.h, with its coefficients times 2^(j + k): for tau / 2 and y / 2. */
+    int16_t  bend_q11[CURVE_TERMS];
+    int16_t  bend_share_q15;   /* (s / R) 2^(2 - bend_shift): times h / R below 4, it is below 4 */
+    uint32_t bend_shift;       /* 0..2 */
+    int16_t  edge_q14;         /* below 2 */
+    int16_t  peak_shown_q15;   /* 2^15 - 1: the peak goes on beyond the rim; 0: it ends there */
+    struct rimrow_gain peak;   /* A / phi(0) / 2, for Q15 to become Q14 */
     int32_t  peak_n0_q11;      /* at most 16, like the next */
     int32_t  peak_n1_q11;
-    int32_t  peak_shown_q15;   /* 1: the peak goes on beyond the rim; 0: it ends there */
     uint32_t edge_count;       /* at most RIMROW_EDGES; or RIMROW_GIVEN: as the batch has them */
     uint32_t edge_shift;       /* 2..14: distances stay below 2^18 blurs */
     struct rimrow_edge edges[RIMROW_EDGES];
@@ -73,14 +102,40 @@ struct rimrow_batch {
     int32_t  p_q14[RIMROW_PIXELS + RIMROW_RAMP];
     int32_t  q_q14[RIMROW_PIXELS + RIMROW_RAMP];
     uint16_t grey_q4[RIMROW_PIXELS + RIMROW_RAMP];
-    /* Only read for RIMROW_GIVEN: the share of the full swing that all edges bring together, RIMROW_BEYOND_Q15 beyond
+    /* Only read for RIMROW_GIVEN: the share of the full swing that all edges bring together, RIMROW_BEYOND_Q14 beyond
      * one, else at most 1.5; and its growth with the blur's logarithm, at most 1. */
-    int32_t  others_q15[RIMROW_PIXELS];
-    int32_t  growth_q15[RIMROW_PIXELS];
+    int16_t  others_q14[RIMROW_PIXELS];
+    int16_t  growth_q14[RIMROW_PIXELS];
+    /* Between the kernel's own loops. */
+    int16_t  tau_q14[RIMROW_PIXELS];     /* distance inside the edge, in blurs, cut to 2 */
+    int16_t  y_q14[RIMROW_PIXELS];       /* (R / h)^2 less its mean */
+    int16_t  h_q13[RIMROW_PIXELS];       /* h / R */
+    int16_t  cos_q14[RIMROW_PIXELS];     /* directions */
+    int16_t  sin_q14[RIMROW_PIXELS];
+    int16_t  fall_q15[RIMROW_PIXELS];    /* rho^2 (n0 - n1 y) / 8, at most 1 */
+    int16_t  apart_q13[RIMROW_EDGES][RIMROW_PIXELS]; /* from edges, in blurs, 0 to 4 */
+    int16_t  edge_q14[RIMROW_PIXELS];    /* E */
+    int16_t  kept[RIMROW_PIXELS];        /* all bits, or none */
     /* Q11: by p, q, size, two elongations, level, contrast, blur; the rest as it is. Zero where a pixel is not
      * kept. */
     int16_t  columns[RIMROW_COLUMNS * RIMROW_PIXELS];
     int16_t  octant[RIMROW_PIXELS];      /* 0..7 around the circle; 8 where a pixel is not kept */
 };
+
+/* Fills what bends the profile from curve_at's terms and eps = s / R, at most 0.99. */
+static inline void rimrow_set_bend(struct rimrow_view *view, const int32_t terms_q14[CURVE_TERMS],
+                                   int64_t eps_q16)
+{
+    static const uint8_t powers[CURVE_TERMS] = {0, 1, 2, 3, 1, 2, 3, 4, 2, 3, 4, 5, 3, 4, 4};
+    for (unsigned i = 0; i < CURVE_TERMS; i++) {
+        const int32_t term_q11 = (terms_q14[i] * (1 << powers[i]) + 4) >> 3;
+        view->bend_q11[i] = (int16_t)(term_q11 > INT16_MAX   ? INT16_MAX
+                                      : term_q11 < INT16_MIN ? INT16_MIN
+                                                             : term_q11);
+    }
+    /* h / R is below 2.83: (R / h)^2 is above 1/8. */
+    view->bend_shift = eps_q16 < 16384 ? 0 : eps_q16 < 32768 ? 1 : 2;
+    view->bend_share_q15 = (int16_t)(eps_q16 << 1 >> view->bend_shift);
+}
 
 #endif

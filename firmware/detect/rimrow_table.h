@@ -5,7 +5,9 @@
 #include <stdint.h>
 
 static const int32_t rimrow_root_q15[5] = {29309, -11359, 6764, -7078, 5049};
-static const int32_t rimrow_bell_q16[6] = {26145, -52254, 51860, -32939, 13384, -2658};
-static const int32_t rimrow_mills_q15[8] = {13805, -10305, 7076, -4439, 2243, -1285, 1285, -627};
+static const int16_t rimrow_bell_q15[7] = {1769, -3544, 3540, -2316, 1169, -556, 178};
+static const int16_t rimrow_step_q15[7] = {15639, -6051, 2769, -1120, 395, -136, 36};
+static const int16_t rimrow_fourth_q15[6] = {9581, -9580, 4783, -1596, 420, -83};
+static const int16_t rimrow_mills_q14[8] = {6903, -5153, 3538, -2219, 1121, -643, 643, -313};
 
 #endif

@@ -41,8 +41,8 @@ static double share(void)
     return (double)(random_u64() >> 11) / 9007199254740992.0;
 }
 
-/* Semi-axes over R, alpha^-1/2 and alpha^1/2: (R / h)^2 runs from alpha to 1 / alpha. */
-static void random_shape(struct rimrow_view *view)
+/* Semi-axes over R, alpha^-1/2 and alpha^1/2: (R / h)^2 runs from alpha to 1 / alpha. Returns s / R. */
+static double random_shape(struct rimrow_view *view)
 {
     const double alpha = random_u64() % 8 == 0 ? 0.126 : 0.126 + 0.874 * share();
     const double swing = (1 / alpha - alpha) / 2;
@@ -54,18 +54,21 @@ static void random_shape(struct rimrow_view *view)
     const int bits = (int)floor(log2(over_blur)) + 17;
     view->depth_shift = (uint32_t)(29 - bits);
     view->depth_q14 = (int32_t)(ldexp(over_blur, 32 - bits));
-    view->eps_q14 = (int32_t)(16384 / over_blur);
-    curve_at((int64_t)(65536 / over_blur), (int64_t)(alpha * 65536), view->curve_q14);
+    const int64_t eps_q16 = (int64_t)(65535 / over_blur);
+    int32_t curve_q14[CURVE_TERMS];
+    curve_at(eps_q16, (int64_t)(alpha * 65536), curve_q14);
+    rimrow_set_bend(view, curve_q14, eps_q16);
+    return (double)eps_q16 / 65536;
 }
 
-static struct rimrow_view random_view(unsigned round)
+static struct rimrow_view random_view(unsigned round, double *eps)
 {
     struct rimrow_view view = {
-        .gap_q10 = within(0, (16 << 10) - 1),
-        .band_q13 = within(1 << 13, RIMROW_BAND_MAX_Q13),
-        .clear_q13 = random_u64() % 2 != 0 ? 307 * 32 : 563 * 32,
-        .near_q13 = within(0, 4 << 13),
-        .over_rim_q11 = within(1 << 11, 16 << 11),
+        .gap_q11 = (int16_t)within(0, INT16_MAX),
+        .band_q14 = (int16_t)within(1 << 14, RIMROW_BAND_MAX_Q14),
+        .clear_q11 = random_u64() % 2 != 0 ? 307 * 8 : 563 * 8,
+        .near_q11 = (int16_t)within(0, 4 << 11),
+        .over_rim = rimrow_gain_of(within(1 << 24, 16 << 24)),
         .level_q5 = within(-(1 << 19), 1 << 19),
         .level_p_q5 = within(-(1 << 14), 1 << 14),
         .level_q_q5 = within(-(1 << 14), 1 << 14),
@@ -73,11 +76,11 @@ static struct rimrow_view random_view(unsigned round)
         .contrast_p_q2 = within(-(1 << 12), 1 << 12),
         .contrast_q_q2 = within(-(1 << 12), 1 << 12),
         .rest_shift = round / 4 % 2 != 0 ? 5 : 0,
-        .edge_q14 = within(0, (2 << 14) - 1),
-        .peak_q8 = within(0, (1 << 18) - 1),
+        .edge_q14 = (int16_t)within(0, (2 << 14) - 1),
+        .peak = rimrow_gain_of(within(0, 40 << 24)),
         .peak_n0_q11 = within(0, 16 << 11),
         .peak_n1_q11 = within(0, 16 << 11),
-        .peak_shown_q15 = random_u64() % 2 != 0 ? 1 << 15 : 0,
+        .peak_shown_q15 = random_u64() % 2 != 0 ? INT16_MAX : 0,
         .edge_count = round % (RIMROW_GIVEN + 1),
         .edge_shift = (uint32_t)within(2, 14),
     };
@@ -85,8 +88,8 @@ static struct rimrow_view random_view(unsigned round)
         view.level_q5 = within(0, 4095 * 32);
         view.contrast_q2 = within(-4095 * 4, 4095 * 4);
         view.level_p_q5 = view.level_q_q5 = view.contrast_p_q2 = view.contrast_q_q2 = 0;
-        view.edge_q14 = within(1 << 13, 1 << 14);
-        view.peak_q8 = within(0, 39 << 7);
+        view.edge_q14 = (int16_t)within(1 << 13, 1 << 14);
+        view.peak = rimrow_gain_of(within(0, 1 << 24));
     }
     for (unsigned k = 0; k < RIMROW_EDGES; k++) {
         const bool around = random_u64() % 2 != 0;
@@ -94,16 +97,17 @@ static struct rimrow_view random_view(unsigned round)
             around ? within(0, 8 << 11) : within(-(1 << 22), 1 << 22),
             within(-(1 << 14), 1 << 14), within(-(1 << 14), 1 << 14)};
     }
-    random_shape(&view);
+    *eps = random_shape(&view);
     return view;
 }
 
 /* In the band, anywhere within the range, at the edges of [1/8, 8), or padding. */
-static void random_pixel(const struct rimrow_view *view, struct rimrow_batch *batch, unsigned i)
+static void random_pixel(double eps, struct rimrow_batch *batch, unsigned i)
 {
     batch->grey_q4[i] = (uint16_t)within(0, 4095);
-    batch->others_q15[i] = random_u64() % 8 == 0 ? RIMROW_BEYOND_Q15 : within(0, 3 << 14);
-    batch->growth_q15[i] = within(0, 1 << 15);
+    batch->others_q14[i] =
+        (int16_t)(random_u64() % 8 == 0 ? RIMROW_BEYOND_Q14 : within(0, 3 << 13));
+    batch->growth_q14[i] = (int16_t)within(0, 1 << 14);
     if (random_u64() % 8 == 0) {
         do {
             batch->p_q14[i] = within(-P_MAX_Q14, P_MAX_Q14);
@@ -112,7 +116,7 @@ static void random_pixel(const struct rimrow_view *view, struct rimrow_batch *ba
         return;
     }
     static const double bounds[] = {0.35355339, 2.82842712, 1.0, 3.4999};
-    const double band = 3.0 * view->eps_q14 / 16384;
+    const double band = 3.0 * eps;
     const double rho = random_u64() % 8 == 0 ? bounds[random_u64() % 4]
                                              : fmax(0, 1 + band * (2 * share() - 1));
     const double turn = random_u64() % 8 == 0 ? 0.7853981633974483 * (double)(random_u64() % 8)
@@ -134,11 +138,12 @@ static bool same(const char *kernel, const struct dsp_kernels *variant, const vo
 /* Also tells how many pixels were kept. */
 static bool check_rows(const struct dsp_kernels *variant, unsigned round, unsigned *kept)
 {
-    const struct rimrow_view view = random_view(round);
+    double eps;
+    const struct rimrow_view view = random_view(round, &eps);
     const unsigned count = RIMROW_STEP * (unsigned)(random_u64() % (RIMROW_PIXELS / RIMROW_STEP + 1));
     memset(&expected, 0x5a, sizeof expected);
     for (unsigned i = 0; i < count; i++) {
-        random_pixel(&view, &expected.batch, i);
+        random_pixel(eps, &expected.batch, i);
     }
     found = expected;
     dsp_scalar.rim_rows(&view, count, &expected.batch);
