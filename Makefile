@@ -25,7 +25,8 @@ PKGCONFIG ?= pkg-config
 PYTHON    ?= /usr/bin/python3
 
 # Variants live side by side, so that switching costs no rebuild.
-variant := $(ARCH)$(if $(SAN),-san)$(if $(filter-out gcc $(cross_prefix)gcc,$(CC)),-$(notdir $(CC)))
+# DSP_VERIFY=1: vector kernels run beside plain C, which must give the same (firmware/app/dsp_verify.h).
+variant := $(ARCH)$(if $(SAN),-san)$(if $(DSP_VERIFY),-verify)$(if $(filter-out gcc $(cross_prefix)gcc,$(CC)),-$(notdir $(CC)))
 O       := build/$(variant)
 BIN     := $(if $(filter native,$(variant)),build/bin,$O/bin)
 
@@ -142,6 +143,6 @@ clean:
 ## help: this list
 .PHONY: help FORCE
 help:
-	@echo 'Targets (SAN=1: with sanitizers; V=1: show commands; -j N: on N cores; CC=clang CXX=clang++: other compiler)'
+	@echo 'Targets (SAN=1: with sanitizers; DSP_VERIFY=1: vector kernels held against plain C; V=1: show commands; -j N: on N cores; CC=clang CXX=clang++: other compiler)'
 	@sed -n 's/^## \([^:]*\): */\1\t/p' $(MAKEFILE_LIST) | while IFS='	' read -r target text; do \
 	    printf '  %-22s %s\n' "$$target" "$$text"; done

@@ -55,9 +55,11 @@ firmware_SRC := \
   firmware/app/camera_options.c \
   firmware/app/detector_options.c \
   firmware/app/dsp_choice.c \
+  firmware/app/dsp_verify.c \
   firmware/app/image_file.c \
 
 $(eval $(call library,firmware))
+$O/firmware/app/dsp_choice.c.o: private part_flags := $(if $(DSP_VERIFY),-DDSP_VERIFY)
 
 tessera-detect_SRC := firmware/app/main_detect.c
 tessera-detect_LIBS := firmware detect vector targetfile common

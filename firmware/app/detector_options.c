@@ -10,7 +10,7 @@
 void detector_options_init(struct detector_options *options)
 {
     options->settings = pipeline_defaults();
-    options->settings.dsp = dsp_choice_at(0);
+    options->settings.dsp = dsp_choice_find("best");
     options->has_target = false;
 }
 

@@ -8,6 +8,10 @@
 #include <sys/auxv.h>
 #endif
 
+#ifdef DSP_VERIFY
+#include "firmware/app/dsp_verify.h"
+#endif
+
 #define CHOICES_MAX 4u
 
 /* Fills `out`, best first; their number. */
@@ -37,13 +41,22 @@ const struct dsp_kernels *dsp_choice_at(unsigned index)
     return index < list_choices(choices) ? choices[index] : NULL;
 }
 
+static const struct dsp_kernels *for_programs(const struct dsp_kernels *kernels)
+{
+#ifdef DSP_VERIFY
+    return dsp_verify(kernels);
+#else
+    return kernels;
+#endif
+}
+
 const struct dsp_kernels *dsp_choice_find(const char *name)
 {
     const struct dsp_kernels *choices[CHOICES_MAX];
     const unsigned count = list_choices(choices);
     for (unsigned i = 0; i < count; i++) {
         if (strcmp(name, "best") == 0 || strcmp(name, choices[i]->name) == 0) {
-            return choices[i];
+            return for_programs(choices[i]);
         }
     }
     return NULL;

@@ -8,7 +8,8 @@
  * NULL from `index` equal to their number on. */
 const struct dsp_kernels *dsp_choice_at(unsigned index);
 
-/* The variant of that name, "best" for the first; NULL when there is none here. */
+/* The variant of that name, "best" for the first; NULL when there is none here. In a build with DSP_VERIFY=1 its
+ * results are held against plain C's (dsp_verify.h). */
 const struct dsp_kernels *dsp_choice_find(const char *name);
 
 /* The names that dsp_choice_find knows here besides "best", for a sentence: "avx2, sse2, scalar". */

@@ -34,7 +34,7 @@ static bool digest_frame(const char *path, const char *dsp, int repeat)
         return false;
     }
     for (unsigned i = 0; dsp_choice_at(i) != NULL; i++) {
-        const struct dsp_kernels *kernels = dsp == NULL ? dsp_choice_at(i) : dsp_choice_find(dsp);
+        const struct dsp_kernels *kernels = dsp_choice_find(dsp == NULL ? dsp_choice_at(i)->name : dsp);
         struct golden_result result;
         for (int k = 0; k < repeat; k++) {
             if (kernels == NULL || !golden_run(&frame, kernels, &result)) {

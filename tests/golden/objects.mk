@@ -20,3 +20,8 @@ golden: $(golden_digest)
 golden-accept: $(golden_digest)
 	@$(golden_digest) $(golden_frames) > $(golden_expected).part && mv $(golden_expected).part $(golden_expected)
 	@cat $(golden_expected)
+
+## dsp-verify: the golden frames with every result of every vector kernel held against plain C (DSP_VERIFY=1)
+.PHONY: dsp-verify
+dsp-verify:
+	@$(MAKE) --no-print-directory DSP_VERIFY=1 golden
