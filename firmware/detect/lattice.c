@@ -200,6 +200,10 @@ static uint32_t look_for(struct lattice *lattice, struct refine *refine,
                  &predicted.ellipse)) {
         return MARKS_NONE;
     }
+    if (marks->count == marks->size) { /* what may be there has no room: spare looking at its pixels */
+        lattice->truncated = true;
+        return MARKS_NONE;
+    }
     predicted.size_px_q16 = ellipse_size_px_q16(&predicted.ellipse);
     const struct pattern_patch pattern = {
         .target = target,
@@ -219,10 +223,6 @@ static uint32_t look_for(struct lattice *lattice, struct refine *refine,
             !refine_predicted(refine, frame, &edges, &light, &found)) {
             return MARKS_NONE;
         }
-    }
-    if (marks->count == marks->size) {
-        lattice->truncated = true;
-        return MARKS_NONE;
     }
     marks->at[marks->count] = found;
     return marks->count++;

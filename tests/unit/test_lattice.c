@@ -313,6 +313,31 @@ static void lists_that_are_full_say_so_and_keep_what_they_had(void)
     }
 }
 
+static unsigned looks;
+
+static void counting_rows(const struct rimrow_view *view, unsigned count, struct rimrow_batch *batch)
+{
+    looks++;
+    dsp_scalar.rim_rows(view, count, batch);
+}
+
+/* Else a frame with too many small circles pays for every one that has no room. */
+static void no_pixel_is_looked_at_for_marks_that_have_no_room(void)
+{
+    struct dsp_kernels counting = dsp_scalar;
+    counting.rim_rows = counting_rows;
+    draw(3.5, 1.5, 0, 0);
+    decode();
+    pipeline.refine.fit.rim.dsp = &counting;
+    pipeline.marks.size = pipeline.marks.count;
+    looks = 0;
+    extend();
+    TEST_ASSERT_EQUAL_UINT(0, looks);
+    pipeline.marks.size += 100;
+    extend();
+    TEST_ASSERT_TRUE(looks > 10);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -323,5 +348,6 @@ int main(void)
     RUN_TEST(without_a_target_nothing_changes);
     RUN_TEST(nothing_read_gives_nothing);
     RUN_TEST(lists_that_are_full_say_so_and_keep_what_they_had);
+    RUN_TEST(no_pixel_is_looked_at_for_marks_that_have_no_room);
     return UNITY_END();
 }
