@@ -347,7 +347,7 @@ static enum wire_status check_prefix(const uint8_t *bytes, size_t count)
 
 enum wire_status wire_decode(const uint8_t *bytes, size_t count, struct wire_packet_view *view)
 {
-    assert(bytes != NULL && view != NULL);
+    assert((bytes != NULL || count == 0) && view != NULL);
     enum wire_status status = check_prefix(bytes, count);
     if (status != WIRE_OK) {
         return status;

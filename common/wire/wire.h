@@ -164,7 +164,8 @@ size_t wire_finish(struct wire_writer *writer);
  * WIRE_HEADER_BYTES, at most WIRE_PACKET_BYTES_MAX. 0 where no packet of any version begins so. */
 size_t wire_packet_bytes(const uint8_t prefix[WIRE_PREFIX_BYTES]);
 
-/* Checks a whole packet of exactly `count` bytes, all of it; `view` is set only with WIRE_OK. */
+/* Checks a whole packet of exactly `count` bytes, all of it; `view` is set only with WIRE_OK. No bytes at all
+ * (count 0, where NULL will do) are WIRE_SHORT. */
 enum wire_status wire_decode(const uint8_t *bytes, size_t count, struct wire_packet_view *view);
 
 /* Begins a walk before the first patch. */

@@ -321,6 +321,7 @@ static void every_cut_and_every_turned_bit_is_refused(void)
     for (size_t cut = 0; cut < count; cut++) {
         TEST_ASSERT_EQUAL_INT(WIRE_SHORT, wire_decode(packet, cut, &view));
     }
+    TEST_ASSERT_EQUAL_INT(WIRE_SHORT, wire_decode(NULL, 0, &view)); /* an empty vector's data */
     for (size_t bit = 0; bit < 8 * count; bit++) {
         packet[bit / 8] = (uint8_t)(packet[bit / 8] ^ (1u << (bit % 8)));
         TEST_ASSERT_NOT_EQUAL(WIRE_OK, wire_decode(packet, count, &view));

@@ -178,6 +178,21 @@ void patches_belong_to_the_target_that_has_them()
     TEST_ASSERT_EQUAL_UINT(1, scene.rejected.at("patch on none of the targets"));
 }
 
+void records_that_hold_no_packet_are_counted_and_passed_over()
+{
+    const std::string target = make_target("t.json", "[[7, 9]]");
+    const std::string journal = make_journal("j", {{"left", 1000, 9}});
+    auto writer = JournalWriter::append(journal);
+    TEST_ASSERT_TRUE(writer.ok());
+    const std::uint8_t one = 7;
+    TEST_ASSERT_TRUE(writer.value().write(1, 1, "peer", &one, 0).ok());
+    TEST_ASSERT_TRUE(writer.value().write(1, 1, "peer", &one, 1).ok());
+    TEST_ASSERT_TRUE(writer.value().close().ok());
+    Scene scene = observed({journal}, {target});
+    TEST_ASSERT_EQUAL_UINT(1, scene.observations.size());
+    TEST_ASSERT_EQUAL_UINT(2, scene.rejected["packet that does not decode"]);
+}
+
 void what_cannot_be_put_together_is_refused_with_names()
 {
     const std::string first = make_target("t.json", "[[7, 9]]");
@@ -220,6 +235,7 @@ int main()
     RUN_TEST(the_tolerance_given_decides_what_is_one_instant);
     RUN_TEST(the_same_packet_from_two_journals_counts_once);
     RUN_TEST(patches_belong_to_the_target_that_has_them);
+    RUN_TEST(records_that_hold_no_packet_are_counted_and_passed_over);
     RUN_TEST(what_cannot_be_put_together_is_refused_with_names);
     return UNITY_END();
 }
