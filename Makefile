@@ -26,7 +26,8 @@ PYTHON    ?= /usr/bin/python3
 
 # Variants live side by side, so that switching costs no rebuild.
 # DSP_VERIFY=1: vector kernels run beside plain C, which must give the same (firmware/app/dsp_verify.h).
-variant := $(ARCH)$(if $(SAN),-san)$(if $(DSP_VERIFY),-verify)$(if $(filter-out gcc $(cross_prefix)gcc,$(CC)),-$(notdir $(CC)))
+# GUIDED=1: as libFuzzer wants it, and counting lines.
+variant := $(ARCH)$(if $(SAN),-san)$(if $(DSP_VERIFY),-verify)$(if $(GUIDED),-guided)$(if $(filter-out gcc $(cross_prefix)gcc,$(CC)),-$(notdir $(CC)))
 O       := build/$(variant)
 BIN     := $(if $(filter native,$(variant)),build/bin,$O/bin)
 
@@ -36,10 +37,11 @@ say  = $(if $(V),,@printf '  %-6s %s\n' $(1) $(2))
 warn      := -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wvla -Wundef -Werror
 comma     := ,
 sanitize  := $(if $(SAN),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+guided    := $(if $(GUIDED),-fsanitize=fuzzer-no-link -fprofile-instr-generate -fcoverage-mapping)
 CPPFLAGS  := -I. -D_GNU_SOURCE -MMD -MP
-CFLAGS    := -std=c11 -O2 -g $(warn) -Wmissing-prototypes -Wstrict-prototypes $(sanitize)
-CXXFLAGS  := -std=c++17 -O2 -g $(warn) $(sanitize)
-LDFLAGS   := -Wl,--as-needed $(sanitize)
+CFLAGS    := -std=c11 -O2 -g $(warn) -Wmissing-prototypes -Wstrict-prototypes $(sanitize) $(guided)
+CXXFLAGS  := -std=c++17 -O2 -g $(warn) $(sanitize) $(guided)
+LDFLAGS   := -Wl,--as-needed $(sanitize) $(if $(GUIDED),-fprofile-instr-generate)
 ifneq ($(ARCH),native)
 CPPFLAGS += -isystem $(cross_deps) -isystem $(cross_deps)/usr/include
 LDFLAGS  += -static -L$O -L$(cross_deps)/usr/lib/$(patsubst %-,%,$(cross_prefix))
@@ -75,7 +77,7 @@ include common/objects.mk firmware/objects.mk
 ifeq ($(ARCH),native)
 include host/objects.mk
 include $(sort $(wildcard tools/*/objects.mk))
-include tests/objects.mk
+include tests/fuzz/objects.mk tests/objects.mk
 endif
 ifneq ($(ARCH),native)
 include tools/bench/objects.mk

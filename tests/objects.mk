@@ -43,12 +43,12 @@ check:
 
 # What the stages run: built at once, before the first.
 .PHONY: test-programs test-programs-light
-test-programs: all $(unit_BIN) $(gather_BIN) $(unit_host_BIN) $(dump_stages)
-test-programs-light: $(unit_BIN) $(gather_BIN)
+test-programs: all $(unit_BIN) $(gather_BIN) $(unit_host_BIN) $(replay_host_BIN) $(dump_stages)
+test-programs-light: $(unit_BIN) $(gather_BIN) $(replay_light_BIN)
 
 ## unit: the Unity programs of tests/unit and tests/unit_host
 .PHONY: unit
-unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN)
+unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN) $(replay_host_BIN)
 	@$(PYTHON) tests/run_units.py $^
 
 ## error-bars: 2000 simulated solves against the covariance and the error bars in px and mm of each
@@ -75,23 +75,8 @@ sanitize:
 
 # Without the solver: Ceres and OpenCV take minutes to compile with sanitizers and are not ours.
 .PHONY: unit-light
-unit-light: $(unit_BIN) $(gather_BIN)
+unit-light: $(unit_BIN) $(gather_BIN) $(replay_light_BIN)
 	@$(PYTHON) tests/run_units.py $^
-
-# Frames at random under the sanitizers; a case that fails is kept as build/fuzz/frame_case.hex.
-fuzz_BIN := $O/tests/fuzz/drive_frame
-$(fuzz_BIN): $(call objects,tests/fuzz/drive_frame.c tests/fuzz/fuzz_frame.c) $(patsubst %,$O/lib%.a,detect vector firmware common)
-	$(call say,LINK,$@)
-	$(Q)$(CC) $(LDFLAGS) -o $@ $(filter %.o,$^) -Wl,--start-group $(filter %.a,$^) -Wl,--end-group -lm
-
-## fuzz: T=60 seconds of made-up frames through the detector under the sanitizers
-.PHONY: fuzz fuzz-run
-T ?= 60
-fuzz:
-	@$(MAKE) --no-print-directory SAN=1 fuzz-run
-fuzz-run: $(fuzz_BIN)
-	@mkdir -p build/fuzz
-	@$(fuzz_BIN) $T build/fuzz $(FIRST)
 
 ## system: run the built programs as a user would (pytest)
 .PHONY: system

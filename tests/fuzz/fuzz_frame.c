@@ -1,9 +1,8 @@
 /* Any bytes as a frame and its settings: the detector must neither read beyond the frame nor compute what C
  * leaves undefined, and its packet must be one that a host takes.
  *
- * Under a fuzzer: clang -I. -g -fsanitize=fuzzer,address,undefined tests/fuzz/fuzz_frame.c
- * common/{fx,target,wire}/?*.c firmware/detect/?*.c firmware/app/{pipeline,dsp_choice}.c -mavx2 -lm. Without one
- * tests/unit/test_fuzz_frame.c runs it over committed and made-up cases, and `make fuzz` over many more.
+ * `make fuzz` leads it by coverage where clang is installed, and runs it over made-up cases elsewhere;
+ * tests/unit/test_fuzz_frame.c runs it over some of these and over cases that once broke something.
  *
  * The bytes: FUZZ_FRAME_HEAD of settings (fuzz_frame_head below), then the content. */
 #include "tests/fuzz/fuzz_frame.h"
@@ -191,6 +190,26 @@ static uint8_t grid_of_circles(const struct content *content, unsigned x, unsign
                                    : (uint8_t)(255 * fmin(1, fmax(0, period * 0.35 - r + 0.5)));
 }
 
+/* Ellipses within ellipses, a few pixels from one to the next; by the parameter one nest or a grid of them. */
+static uint8_t nested_ellipses(const struct content *content, unsigned x, unsigned y)
+{
+    const double across = content->parameter & 64 ? 4000 : 24 + content->parameter % 64;
+    const double squeeze = 1 + (content->parameter >> 4) % 4 * 0.5;
+    const double dx = fmod(x, across) - fmin(across, 300) / 2;
+    const double dy = fmod(y, across) - fmin(across, 300) / 2;
+    return (uint8_t)(128 + 127 * sin(hypot(dx, squeeze * dy) * (0.5 + content->parameter % 16 * 0.15)));
+}
+
+/* Right triangles side by side, both ways up: four to sixteen pixels. */
+static uint8_t triangles(const struct content *content, unsigned x, unsigned y)
+{
+    const unsigned side = 4 + content->parameter % 13;
+    const unsigned gap = content->parameter >> 6;
+    const unsigned u = x % side;
+    const unsigned v = y % side;
+    return u < gap || v < gap ? 230 : (u + v < side) != (content->parameter & 32 && x / side % 2) ? 20 : 230;
+}
+
 static uint8_t pattern(unsigned kind, struct content *content, unsigned x, unsigned y, size_t index)
 {
     const unsigned period = 1 + content->parameter % 16;
@@ -211,6 +230,10 @@ static uint8_t pattern(unsigned kind, struct content *content, unsigned x, unsig
         return (uint8_t)((x * content->parameter + y * (255u - content->parameter)) / 64);
     case FUZZ_FRAME_TEXT: /* strokes in lines */
         return y % 12 < 8 && (next_random(content) % 3 == 0 || (x / 3 * 7 + y / 12) % 5 == 0) ? 20 : 230;
+    case FUZZ_FRAME_RINGS:
+        return nested_ellipses(content, x, y);
+    case FUZZ_FRAME_TRIANGLES:
+        return triangles(content, x, y);
     default:
         return grid_of_circles(content, x, y);
     }

@@ -7,9 +7,12 @@
 #include <stdint.h>
 
 #include "firmware/frame.h"
+#include "firmware/limits.h"
 
 #define FUZZ_FRAME_HEAD     20u
 #define FUZZ_FRAME_SIDE_MAX 300u
+/* One kind byte in sixteen asks for a frame as long or wide as there can be, of no more pixels than others. */
+#define FUZZ_FRAME_LONG_FROM 240u
 
 /* What the picture shows. */
 enum fuzz_frame_kind {
@@ -22,14 +25,16 @@ enum fuzz_frame_kind {
     FUZZ_FRAME_GRADIENT,
     FUZZ_FRAME_TEXT,
     FUZZ_FRAME_CIRCLES,
-    FUZZ_FRAME_TARGET, /* patches in perspective, then broken; two in five frames */
-    FUZZ_FRAME_KINDS = 15
+    FUZZ_FRAME_TARGET,   /* patches in perspective, then broken; four in fifteen frames */
+    FUZZ_FRAME_RINGS = 13, /* ellipses within ellipses */
+    FUZZ_FRAME_TRIANGLES,
+    FUZZ_FRAME_KINDS
 };
 
 struct fuzz_frame_head {
     uint16_t             width_px;
     uint16_t             height_px;
-    uint8_t              extra_bytes; /* of the stride */
+    uint16_t             extra_bytes; /* of the stride */
     enum frame_format    format;
     uint8_t              kernel_radius_px;
     uint16_t             gradient_min_q3;
@@ -58,8 +63,16 @@ static inline struct fuzz_frame_head fuzz_frame_read_head(const uint8_t *data)
         .kind = (enum fuzz_frame_kind)(data[10] % FUZZ_FRAME_KINDS),
         .parameter = data[11],
     };
-    if (head.kind > FUZZ_FRAME_TARGET) {
+    if (head.kind > FUZZ_FRAME_TARGET && head.kind < FUZZ_FRAME_RINGS) {
         head.kind = FUZZ_FRAME_TARGET;
+    }
+    if (data[10] >= FUZZ_FRAME_LONG_FROM) {
+        const unsigned width = 1 + (data[0] | (unsigned)data[1] << 8) % LIMIT_SIDE_PX;
+        const unsigned most = FUZZ_FRAME_SIDE_MAX * FUZZ_FRAME_SIDE_MAX / width;
+        const unsigned rows = most < 1 ? 1 : most < LIMIT_SIDE_PX ? most : LIMIT_SIDE_PX;
+        head.width_px = (uint16_t)width;
+        head.height_px = (uint16_t)(1 + (data[2] | (unsigned)data[3] << 8) % rows);
+        head.extra_bytes = (uint16_t)(8 * data[4]);
     }
     for (unsigned i = 0; i < 8; i++) {
         head.random |= (uint64_t)data[12 + i] << (8 * i);

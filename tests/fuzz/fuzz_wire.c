@@ -1,8 +1,7 @@
 /* Any bytes as a packet: the decoder must neither read beyond them nor accept what it cannot give
  * back.
  *
- * Under a fuzzer: clang -I. -g -fsanitize=fuzzer,address,undefined tests/fuzz/fuzz_wire.c
- * common/wire/?*.c Without one tests/unit/test_fuzz_wire.c runs it over the golden packets and
+ * `make fuzz` leads it by coverage; tests/unit/test_fuzz_wire.c runs it over the golden packets and
  * mutations of them. */
 #include "common/wire/bytes.h"
 #include "common/wire/crc32c.h"
