@@ -7,6 +7,7 @@ detect_SRC := \
   firmware/detect/dsp_scalar.c \
   firmware/detect/steer.c \
   firmware/detect/edges.c \
+  firmware/detect/quota.c \
   firmware/detect/chains.c \
   firmware/detect/arcs.c \
   firmware/detect/ellipse.c \

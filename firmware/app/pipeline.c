@@ -95,15 +95,19 @@ static void scan(struct pipeline *pipeline, struct steer *steer, const struct fr
                  uint64_t *since)
 {
     steer_begin(steer);
+    quota_begin(&pipeline->quota, steer->width, steer->height);
     chains_begin(&pipeline->chains);
     ellipses_begin(&pipeline->ellipses);
     survey_begin(&pipeline->survey);
 
+    const uint32_t threshold_q6 = steer->threshold_q6;
     const struct dsp_gradient *above = NULL;
     for (uint16_t y = 0; y < steer->height; y++) {
         const struct dsp_gradient *row = steer_row(steer, frame, y);
         book(pipeline, PIPELINE_STEER, since);
         edges_scan_row(above, row, y, steer->width, &pipeline->edges);
+        quota_count(&pipeline->quota, &pipeline->edges);
+        steer->threshold_q6 = quota_threshold_q6(&pipeline->quota, threshold_q6);
         if (steer->halved) {
             survey_count(&pipeline->survey, &pipeline->edges, y);
         }
@@ -116,6 +120,7 @@ static void scan(struct pipeline *pipeline, struct steer *steer, const struct fr
         book(pipeline, PIPELINE_ELLIPSES, since);
         above = row;
     }
+    steer->threshold_q6 = threshold_q6;
     chains_end(&pipeline->chains);
     while (chains_take(&pipeline->chains, ELLIPSES_POINTS_MIN, &pipeline->contour)) {
         ellipses_add(&pipeline->ellipses, &pipeline->contour);
@@ -152,7 +157,7 @@ static void complete(struct pipeline *pipeline, const struct steer *steer,
 uint16_t pipeline_truncated(const struct pipeline *pipeline)
 {
     unsigned bits = 0;
-    bits |= pipeline->chains.truncated ? (unsigned)WIRE_TRUNCATED_EDGES : 0u;
+    bits |= pipeline->quota.reached || pipeline->chains.truncated ? (unsigned)WIRE_TRUNCATED_EDGES : 0u;
     bits |= pipeline->ellipses.arcs.truncated ? (unsigned)WIRE_TRUNCATED_CHAINS : 0u;
     bits |= pipeline->ellipses.truncated ? (unsigned)WIRE_TRUNCATED_ELLIPSES : 0u;
     bits |= pipeline->lattice.truncated ? (unsigned)WIRE_TRUNCATED_MARKS : 0u;

@@ -9,6 +9,7 @@
 #include "firmware/detect/marks.h"
 #include "firmware/detect/packet.h"
 #include "firmware/detect/patches.h"
+#include "firmware/detect/quota.h"
 #include "firmware/detect/refine.h"
 #include "firmware/detect/steer.h"
 #include "firmware/detect/survey.h"
@@ -42,6 +43,7 @@ struct pipeline {
     struct steer     steer;
     struct steer     half;    /* the same memory, for the frame at half its size */
     struct edge_row  edges;
+    struct quota     quota;
     struct chains    chains;
     struct contour   contour;
     struct ellipses  ellipses;

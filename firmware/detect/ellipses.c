@@ -15,6 +15,7 @@ static const uint32_t arc_steps[] = {16, 4};
 void ellipses_init(struct ellipses *ellipses, struct arena *arena, unsigned width, unsigned height)
 {
     ellipses->size = limit_ellipses(width, height);
+    ellipses->fits_max = limit_fits(width, height);
     ellipses->at = arena_take(arena, ellipses->size, sizeof(struct ellipses_item));
     arcs_init(&ellipses->arcs, arena, width, height);
 }
@@ -23,6 +24,7 @@ void ellipses_begin(struct ellipses *ellipses)
 {
     ellipses->count = 0;
     ellipses->truncated = false;
+    ellipses->fits = 0;
     arcs_begin(&ellipses->arcs);
 }
 
@@ -82,7 +84,8 @@ static void thin_points(const int32_t x_px_q16[], const int32_t y_px_q16[], uint
     }
 }
 
-/* Adds the ellipse through these points to the list, if there is a good one. */
+/* Adds the ellipse through these points to the list, if there is a good one. True also where there is no room: it is
+ * of no use to try parts of them. */
 static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
                        const int32_t y_px_q16[], uint32_t count, uint16_t gradient_mean_q3,
                        bool white_known, bool white)
@@ -95,7 +98,13 @@ static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
     if (count < ELLIPSES_POINTS_MIN) {
         return false;
     }
+    /* What has no room is not fitted either. */
+    if (ellipses->count == ellipses->size || ellipses->fits == ellipses->fits_max) {
+        ellipses->truncated = true;
+        return true;
+    }
     thin_points(x_px_q16, y_px_q16, count, &thinned);
+    ellipses->fits++;
     if (!directfit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse) ||
         !refit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse,
                        &item.quality) ||
@@ -103,10 +112,6 @@ static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
         return false;
     }
     item.white = white_known ? white : turns_clockwise(x_px_q16, y_px_q16, count, &item.ellipse);
-    if (ellipses->count == ellipses->size) {
-        ellipses->truncated = true;
-        return true;
-    }
     ellipses->at[ellipses->count++] = item;
     return true;
 }

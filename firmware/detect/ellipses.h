@@ -33,7 +33,9 @@ struct ellipses {
     uint32_t              count;
     uint32_t              size;
     struct arcs           arcs;
-    bool                  truncated;
+    uint32_t              fits;      /* tried in this frame, at most fits_max */
+    uint32_t              fits_max;
+    bool                  truncated; /* no room for an ellipse, or for a fit  */
 };
 
 void ellipses_init(struct ellipses *ellipses, struct arena *arena, unsigned width, unsigned height);

@@ -208,10 +208,31 @@ static void full_list_says_so_and_keeps_what_it_had(void)
     add(true);
     TEST_ASSERT_EQUAL_UINT32(size, ellipses.count);
     TEST_ASSERT_TRUE(ellipses.truncated);
+    TEST_ASSERT_EQUAL_UINT32(size, ellipses.fits); /* and spares fitting what has no room */
     SYNTH_NEAR(0.001, 100 + size - 1, ellipses.at[size - 1].ellipse.x_px_q16 / 65536.0);
     ellipses_begin(&ellipses);
     TEST_ASSERT_EQUAL_UINT32(0, ellipses.count);
     TEST_ASSERT_FALSE(ellipses.truncated);
+}
+
+static void fits_beyond_the_limit_are_not_made_and_reported(void)
+{
+    uint64_t seed = 69;
+    push_arc(100, 150, 8, 8, 0, 0, 2 * SYNTH_PI, 0, &seed);
+    add(true);
+    const uint32_t fits = ellipses.fits;
+    TEST_ASSERT_TRUE(fits >= 1);
+    ellipses.fits = ellipses.fits_max;
+    push_arc(130, 150, 8, 8, 0, 0, 2 * SYNTH_PI, 0, &seed);
+    add(true);
+    TEST_ASSERT_EQUAL_UINT32(1, ellipses.count);
+    TEST_ASSERT_EQUAL_UINT32(ellipses.fits_max, ellipses.fits);
+    TEST_ASSERT_TRUE(ellipses.truncated);
+    ellipses_begin(&ellipses);
+    push_arc(130, 150, 8, 8, 0, 0, 2 * SYNTH_PI, 0, &seed);
+    add(true);
+    TEST_ASSERT_EQUAL_UINT32(1, ellipses.count);
+    TEST_ASSERT_EQUAL_UINT32(fits, ellipses.fits);
 }
 
 static void too_many_waiting_arcs_are_reported(void)
@@ -281,6 +302,7 @@ int main(void)
     RUN_TEST(halves_of_different_circles_are_not_merged);
     RUN_TEST(half_a_circle_alone_is_not_enough);
     RUN_TEST(full_list_says_so_and_keeps_what_it_had);
+    RUN_TEST(fits_beyond_the_limit_are_not_made_and_reported);
     RUN_TEST(too_many_waiting_arcs_are_reported);
     RUN_TEST(doubled_list_is_in_pixels_of_the_frame);
     RUN_TEST(what_becomes_too_large_is_dropped_and_the_rest_closes_up);
