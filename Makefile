@@ -77,7 +77,7 @@ include common/objects.mk firmware/objects.mk
 ifeq ($(ARCH),native)
 include host/objects.mk
 include $(sort $(wildcard tools/*/objects.mk))
-include tests/fuzz/objects.mk tests/objects.mk
+include tests/fuzz/objects.mk tests/cost/objects.mk tests/objects.mk
 endif
 ifneq ($(ARCH),native)
 include tools/bench/objects.mk
