@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Count what frames made to be slow cost: instructions by callgrind, over those of a frame full of target with the
-same settings.
+"""Count what frames made to be slow cost, in instructions by callgrind.
 
-    worst_frames.py build/native/tests/cost_frames [--size 1920x1080] [--out FILE]
+    worst_frames.py build/native/tests/cost_frames [--size 1920x1080] [--only WORD]
 
-Exit 1 where one costs more than four times the normal frame.
+Two ratios stand beside each: over the busiest frame full of target (64 px a patch: circles from 3.3 px, seen in full),
+and over one of 130 px a patch with the same settings, most of which is seen at half size. Exit 1 where the first
+is more than four.
 """
 import argparse
 import re
@@ -14,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 MOST = 4.0
+BUSIEST = "full target, 64 px patches"
 STAGES = {"steer": "steer_row", "edges": "edges_scan_row", "chains": "chains_link_row",
           "ellipses": "ellipses_add|ellipses_end", "marks": "marks_classify", "patches": "patches_decode",
           "refine": "refine_marks", "lattice": "lattice_extend"}
@@ -47,18 +49,21 @@ def main():
     pixels = int(size[0]) * int(size[1])
     names = subprocess.run([given.program, "names"], check=True, capture_output=True, text=True).stdout
     rows = [line.split(" ", 2) for line in names.splitlines()]
-    print(f"instructions a pixel, {given.size}, over the frame full of target with the same settings")
+    print(f"instructions a pixel, {given.size}; over the busiest frame full of target; over one of 130 px a patch")
+    # The normal frames first: the others are held against them.
+    rows.sort(key=lambda row: row[2] != BUSIEST and row[0] != row[1])
     totals, worst = {}, 0.0
     for index, normal, name in rows:
-        if given.only in name or index == normal:
+        if given.only in name or index == normal or name == BUSIEST:
             total, stages, said = count(given.program, size, index)
-            totals[index] = total
-            ratio = total / totals[normal]
-            worst = max(worst, ratio)
-            print(f"{name:36} {total / pixels:7.1f} {ratio:6.2f}  "
-                  + " ".join(f"{stage} {value / pixels:.0f}" for stage, value in stages.items()) + f"  ({said})",
-                  flush=True)
-    print(f"the worst costs {worst:.2f} times the normal frame; at most {MOST:g}")
+            totals[index] = totals[name] = total
+            print(f"{name:36} {total / pixels:7.1f}", end="")
+            if BUSIEST in totals:
+                worst = max(worst, total / totals[BUSIEST])
+                print(f" {total / totals[BUSIEST]:6.2f} {total / totals[normal]:6.2f}", end="")
+            print("  " + " ".join(f"{stage} {value / pixels:.0f}" for stage, value in stages.items())
+                  + f"  ({said})", flush=True)
+    print(f"the worst costs {worst:.2f} times the busiest frame full of target; at most {MOST:g}")
     sys.exit(1 if worst > MOST else 0)
 
 
