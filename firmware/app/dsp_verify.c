@@ -115,14 +115,17 @@ static void rim_rows(const struct rimrow_view *view, unsigned count, struct rimr
     demand(same, "rim_rows", count);
 }
 
-static void rim_ramp(int32_t p_q24, int32_t p_step_q24, int32_t q_q24, int32_t q_step_q24,
-                     unsigned count, int32_t *p_q14, int32_t *q_q14)
+static void rim_span(const struct rimrow_steps *steps, int32_t p_q24, int32_t q_q24,
+                     const uint8_t *bytes, unsigned count, int32_t *p_q14, int32_t *q_q14,
+                     uint16_t *grey_q4)
 {
-    checked->rim_ramp(p_q24, p_step_q24, q_q24, q_step_q24, count, p_q14, q_q14);
-    dsp_scalar.rim_ramp(p_q24, p_step_q24, q_q24, q_step_q24, count, plain.batch.p_q14,
-                        plain.batch.q_q14);
+    checked->rim_span(steps, p_q24, q_q24, bytes, count, p_q14, q_q14, grey_q4);
+    dsp_scalar.rim_span(steps, p_q24, q_q24, bytes, count, plain.batch.p_q14, plain.batch.q_q14,
+                        plain.batch.grey_q4);
     demand(is_same(p_q14, plain.batch.p_q14, count, sizeof(int32_t)) &&
-           is_same(q_q14, plain.batch.q_q14, count, sizeof(int32_t)), "rim_ramp", count);
+           is_same(q_q14, plain.batch.q_q14, count, sizeof(int32_t)) &&
+           (bytes == NULL || is_same(grey_q4, plain.batch.grey_q4, count, sizeof(uint16_t))),
+           "rim_span", count);
 }
 
 static void rim_octants(const struct rimrow_batch *batch, unsigned count, uint32_t squares[8],
@@ -139,6 +142,6 @@ const struct dsp_kernels *dsp_verify(const struct dsp_kernels *variant)
     static struct dsp_kernels kernels;
     checked = variant;
     kernels = (struct dsp_kernels){variant->name, widen, halve, along_x, along_y, sides, products,
-                                   rim_rows, rim_ramp, rim_octants};
+                                   rim_rows, rim_span, rim_octants};
     return &kernels;
 }

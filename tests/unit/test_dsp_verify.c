@@ -93,10 +93,11 @@ static void wrong_rim_rows(const struct rimrow_view *view, unsigned count, struc
     *last = (int16_t)(*last + (count > 0 && goes_wrong() ? 1 : 0));
 }
 
-static void wrong_rim_ramp(int32_t p, int32_t p_step, int32_t q, int32_t q_step, unsigned count,
-                           int32_t *p_q14, int32_t *q_q14)
+static void wrong_rim_span(const struct rimrow_steps *steps, int32_t p_q24, int32_t q_q24,
+                           const uint8_t *bytes, unsigned count, int32_t *p_q14, int32_t *q_q14,
+                           uint16_t *grey_q4)
 {
-    dsp_scalar.rim_ramp(p, p_step, q, q_step, count, p_q14, q_q14);
+    dsp_scalar.rim_span(steps, p_q24, q_q24, bytes, count, p_q14, q_q14, grey_q4);
     if (count > 0 && goes_wrong()) {
         q_q14[count - 1]++;
     }
@@ -153,8 +154,8 @@ static void one_wrong_value_of_any_kernel_is_named(void)
     expect_complaint("products");
     broken.rim_rows = wrong_rim_rows;
     expect_complaint("rim_rows");
-    broken.rim_ramp = wrong_rim_ramp;
-    expect_complaint("rim_ramp");
+    broken.rim_span = wrong_rim_span;
+    expect_complaint("rim_span");
     broken.rim_octants = wrong_rim_octants;
     expect_complaint("rim_octants");
 }
