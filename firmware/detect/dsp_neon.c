@@ -238,9 +238,15 @@ static inline __attribute__((always_inline)) void row_products(const int16_t *co
             partial[col] = vmlal_s16(partial[col], vget_high_s16(own), vget_high_s16(other));
         }
     }
-    for (unsigned col = 0; col <= row; col++) {
-        const int32x2_t halves = vadd_s32(vget_low_s32(partial[col]), vget_high_s32(partial[col]));
-        sums[col] += vget_lane_s32(vpadd_s32(halves, halves), 0);
+    for (unsigned col = 0; col <= row; col += 2) {
+        const int32x4_t even = partial[col];
+        const int32x4_t odd = partial[col < row ? col + 1 : col];
+        const int32x2_t two = vpadd_s32(vadd_s32(vget_low_s32(even), vget_high_s32(even)),
+                                        vadd_s32(vget_low_s32(odd), vget_high_s32(odd)));
+        sums[col] += vget_lane_s32(two, 0);
+        if (col < row) {
+            sums[col + 1] += vget_lane_s32(two, 1);
+        }
     }
 }
 

@@ -236,6 +236,27 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     }
 }
 
+/* Adds what up to four registers of 32-bit values come to: four sums side by side, by halves of a transposition. */
+static inline __attribute__((always_inline)) void add_sums(const VEC partial[], unsigned count,
+                                                           int64_t *sums)
+{
+    const VEC first = partial[0];
+    const VEC second = count > 1 ? partial[1] : ZERO;
+    const VEC third = count > 2 ? partial[2] : ZERO;
+    const VEC fourth = count > 3 ? partial[3] : ZERO;
+    const VEC early = V(add_epi32)(V(unpacklo_epi32)(first, second), V(unpackhi_epi32)(first, second));
+    const VEC late = V(add_epi32)(V(unpacklo_epi32)(third, fourth), V(unpackhi_epi32)(third, fourth));
+    const __m128i four = QUARTERS(
+        V(add_epi32)(V(unpacklo_epi64)(early, late), V(unpackhi_epi64)(early, late)));
+    const __m128i sign = _mm_srai_epi32(four, 31);
+    int64_t wide[4];
+    _mm_storeu_si128((__m128i *)(void *)wide, _mm_unpacklo_epi32(four, sign));
+    _mm_storeu_si128((__m128i *)(void *)(wide + 2), _mm_unpackhi_epi32(four, sign));
+    for (unsigned i = 0; i < count; i++) {
+        sums[i] += wide[i];
+    }
+}
+
 /* The products of one row with all columns before it; `row` is known where this is inlined, so that the sums
  * live in registers. */
 static inline __attribute__((always_inline)) void row_products(const int16_t *columns, unsigned row,
@@ -252,11 +273,8 @@ static inline __attribute__((always_inline)) void row_products(const int16_t *co
             partial[col] = V(add_epi32)(partial[col], V(madd_epi16)(own, other));
         }
     }
-    for (unsigned col = 0; col <= row; col++) {
-        __m128i sum = QUARTERS(partial[col]);
-        sum = _mm_add_epi32(sum, _mm_shuffle_epi32(sum, 0x4e));
-        sum = _mm_add_epi32(sum, _mm_shuffle_epi32(sum, 0xb1));
-        sums[col] += _mm_cvtsi128_si32(sum);
+    for (unsigned col = 0; col <= row; col += 4) {
+        add_sums(partial + col, row - col < 4 ? row - col + 1 : 4, sums + col);
     }
 }
 

@@ -7,6 +7,7 @@
 /* Planes through black and white: six circles at least, over some ten pixels; slopes up to a 64th of the
  * range a pixel. */
 #define CIRCLES_MIN 6u
+#define NEAR_ENOUGH 64u /* of more, every second or third: a plane's slopes need no more */
 #define REACH_SIZES 14u /* around the anchor: one patch and a half */
 #define SCALE       16
 #define PIVOT_Q30   ((int64_t)1 << 15)
@@ -125,8 +126,9 @@ static bool fit_colour(struct light *light, const struct marks *marks, uint32_t 
                        bool white, struct plane *plane)
 {
     uint32_t *own = light->near + LIGHT_NEAR_MAX; /* behind the list of all */
+    const uint32_t stride = near_count / NEAR_ENOUGH + 1;
     uint32_t count = 0;
-    for (uint32_t i = 0; i < near_count && count < LIGHT_NEAR_MAX; i++) {
+    for (uint32_t i = 0; i < near_count; i += stride) {
         const struct mark *mark = &marks->at[light->near[i]];
         if (mark->contrast_q30 != 0 && mark->white == white) {
             light->off_q30[count] = mark->level_q30;
