@@ -68,6 +68,9 @@ def fault(source, include, system):
 
 
 def main():
+    if sys.argv[1:]:
+        print(__doc__)
+        sys.exit(0 if sys.argv[1:] == ["--help"] else 2)
     files = subprocess.run("git ls-files -co --exclude-standard *.c *.cc *.h".split(), check=True,
                            capture_output=True, text=True).stdout.split()
     bad = checked = 0

@@ -13,7 +13,10 @@ SCALE = 2  # drawn larger than the frame, then halved: smooth thin lines
 
 
 def main():
-    frame_path, csv_path, out_path = sys.argv[1:4]
+    if len(sys.argv) != 4:
+        print(__doc__)
+        return 0 if sys.argv[1:] == ["--help"] else 2
+    frame_path, csv_path, out_path = sys.argv[1:]
     grey = cv2.imread(frame_path, cv2.IMREAD_GRAYSCALE)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     picture = cv2.resize(picture, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_LINEAR)
@@ -34,7 +37,8 @@ def main():
     # A palette keeps the file small: grey levels and three colours.
     cv2.imwrite(out_path, picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(f"{out_path}: {len(features)} features, {numpy.prod(picture.shape[:2])} pixels")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -13,6 +13,9 @@ import time
 
 
 def main():
+    if len(sys.argv) < 3:
+        print(__doc__)
+        return 0 if sys.argv[1:] == ["--help"] else 2
     result, command = sys.argv[1], sys.argv[2:]
     start = time.monotonic()
     child = os.posix_spawnp(command[0], command, os.environ)

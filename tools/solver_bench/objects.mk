@@ -15,10 +15,11 @@ solver-honesty: $(BIN)/tessera-rig
 solver-bench: $(BIN)/tessera-rig
 	@$(PYTHON) tools/solver_bench/solver_bench.py $(BENCH_SOLVER)
 
-## peers: install the other solvers that solver-bench compares with (Debian's mrcal)
+## peers: install the other solvers that solver-bench compares with (Debian's mrcal; mrcal 2.5 where a Python 3.12 is)
 .PHONY: peers
 peers:
 	@tools/setup/deps.sh test peers
+	@tools/setup/mrcal.sh
 
 # The paper's rig once, as part of `make bench`.
 .PHONY: solver-race

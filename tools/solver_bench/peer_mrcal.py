@@ -13,9 +13,18 @@ import time
 
 import mrcal
 import numpy as np
-from peer_scene import load, write_result
+from peer_scene import load, two_paths, write_result
 
 LENS = "LENSMODEL_OPENCV5"
+
+
+def problem(lens, cameras, frames, seen, poses, model):
+    """By the names of the version that is there: 2.5 has others than 2.2, and does not take those for its own."""
+    names = (("rt_cam_ref", "rt_ref_frame") if "rt_cam_ref" in mrcal.optimize.__doc__ else
+             ("extrinsics_rt_fromref", "frames_rt_toref"))
+    return {"intrinsics": lens, names[0]: cameras, names[1]: frames, "points": None,
+            "observations_board": seen, "indices_frame_camintrinsics_camextrinsics": poses,
+            "observations_point": None, "indices_point_camintrinsics_camextrinsics": None, "lensmodel": model}
 
 
 def seeded(scene, poses, seen, fixed):
@@ -25,7 +34,7 @@ def seeded(scene, poses, seen, fixed):
         indices_frame_camera=scene["indices"], observations=seen,
         object_spacing=fixed["calibration_object_spacing"])
     for core in (False, True):
-        mrcal.optimize(lens, cameras, frames, None, seen, poses, None, None, "LENSMODEL_STEREOGRAPHIC",
+        mrcal.optimize(**problem(lens, cameras, frames, seen, poses, "LENSMODEL_STEREOGRAPHIC"),
                        do_optimize_intrinsics_core=core, do_optimize_intrinsics_distortions=False,
                        do_apply_outlier_rejection=False, do_apply_regularization=False, **fixed)
     return lens, cameras, frames
@@ -43,19 +52,20 @@ def solve(scene, own_seed):
     lens = np.concatenate([lens, np.zeros((len(lens), 5))], axis=1)
     # Its weak pull of the coefficients to 0 leads there; it is taken away at last, for it biases.
     for pull in (True, False):
-        result = mrcal.optimize(lens, cameras, frames, None, seen, poses, None, None, LENS,
+        result = mrcal.optimize(**problem(lens, cameras, frames, seen, poses, LENS),
                                 do_apply_outlier_rejection=True, do_apply_regularization=pull, **fixed)
     return lens, cameras, result
 
 
 def main():
-    scene = load(sys.argv[1])
+    scene_path, out_path, way = two_paths(__doc__, ("seed", "near"))
+    scene = load(scene_path)
     start = time.process_time()
-    lens, cameras, result = solve(scene, own_seed=sys.argv[3] == "seed")
+    lens, cameras, result = solve(scene, own_seed=way == "seed")
     seconds = time.process_time() - start
     turns = [np.eye(3)] + [mrcal.R_from_r(rt[:3]) for rt in cameras]
     shifts = [np.zeros(3)] + [rt[3:] for rt in cameras]
-    write_result(sys.argv[2], scene, lens, turns, shifts, seconds,
+    write_result(out_path, scene, lens, turns, shifts, seconds,
                  rmse_px=float(result["rms_reproj_error__pixels"]))
     return 0
 

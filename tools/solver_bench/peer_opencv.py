@@ -9,7 +9,7 @@ import time
 
 import cv2
 import numpy as np
-from peer_scene import load, write_result
+from peer_scene import load, two_paths, write_result
 
 
 def solve(scene):
@@ -40,13 +40,14 @@ def solve(scene):
 
 
 def main():
-    scene = load(sys.argv[1])
+    scene_path, out_path = two_paths(__doc__)
+    scene = load(scene_path)
     cv2.setNumThreads(1)
     start = time.process_time()
     lenses, turn, shift, rmse = solve(scene)
     seconds = time.process_time() - start
     flat = [[m[0, 0], m[1, 1], m[0, 2], m[1, 2], *d.ravel()[:5]] for m, d in lenses]
-    write_result(sys.argv[2], scene, flat, [np.eye(3), turn], [np.zeros(3), shift], seconds, rmse_px=rmse)
+    write_result(out_path, scene, flat, [np.eye(3), turn], [np.zeros(3), shift], seconds, rmse_px=rmse)
     return 0
 
 

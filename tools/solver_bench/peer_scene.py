@@ -5,18 +5,29 @@ weight, which is 1, or -1 where the point was not seen; sizes (cameras, 2); spac
 For solvers that must be started: start_lenses (fx fy cx cy), start_cameras and start_frames (rotation vector,
 mm), which are the truth less its distortion and moved by 1 %, half a degree and 10 mm.
 """
+import argparse
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import solver_run  # noqa: F401  the simulator's folder on the path
 
 import truth_scenes
 
 
+def two_paths(doc, ways=()):
+    """The command line of a peer: scene, result and, where there are several, the way to solve."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", metavar="SCENE.npz")
+    parser.add_argument("out", metavar="OUT.json")
+    if ways:
+        parser.add_argument("way", choices=ways)
+    return tuple(vars(parser.parse_args()).values())
+
+
 def _moved(turns, shifts, rng):
     """Rows of rotation vector and shift, a little off."""
+    import cv2  # not where another Python only reads
     moved = truth_scenes.rotations(rng.normal(0, 0.009, (len(turns), 3))) @ turns
     return np.column_stack([np.array([cv2.Rodrigues(turn)[0].ravel() for turn in moved]).reshape(-1, 3),
                             shifts + rng.normal(0, 10, (len(turns), 3))])

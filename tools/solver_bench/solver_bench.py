@@ -8,6 +8,7 @@ import importlib.util
 import json
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -23,13 +24,15 @@ SCENES = {"paper": ("paper", {}), "paper, 2 % outliers": ("paper", {"outliers": 
           "room": ("room", {})}
 # Frames of the paper's rig: 4,032 residuals each, so some 1e4, 1e5, 1e6 and 1e7 of them.
 GROWTH = (4, 25, 250, 2500)
+# Where tools/setup/mrcal.sh puts it, with a Python of its own.
+MRCAL_NEW = ROOT / "build" / "deps" / "mrcal"
 OURS = ("--model", "brown")
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", metavar="REGEX", default="^paper|^growth",
-                        help=f"of {', '.join(SCENES)}, growth (default: the paper's rig and growth)")
+                        help=f"of {', '.join(SCENES).replace('%', '%%')}, growth (default: the paper's rig and growth)")
     parser.add_argument("--programs", metavar="REGEX", default="", help="of tessera, opencv, mrcal")
     parser.add_argument("--rounds", type=int, default=2, help="runs of each; the fastest counts")
     parser.add_argument("--seed", type=int, default=1)
@@ -63,6 +66,18 @@ def mrcal_tool(work):
             *[f"cam{i}-*.jpg" for i in range(len(scene["sizes"]))]]
 
 
+def mrcal_solvers():
+    """Name -> its Python, newest first; empty where none is installed."""
+    found = {}
+    if (MRCAL_NEW / "complete").exists():
+        found["mrcal 2.5"] = str(MRCAL_NEW / "bin" / "python")
+    if importlib.util.find_spec("mrcal"):
+        version = subprocess.run(["dpkg-query", "-W", "-f", "${Version}", "python3-mrcal"], capture_output=True,
+                                 text=True, check=False).stdout.split("-")[0]
+        found[f"mrcal {version}".strip()] = sys.executable
+    return found
+
+
 def commands(work, cameras, options):
     """Name -> command, and where its rig is written (None where that is not read)."""
     scene, result = work / "scene.npz", work / "peer"
@@ -71,11 +86,12 @@ def commands(work, cameras, options):
     if cameras == 2 and importlib.util.find_spec("cv2"):
         found["OpenCV, two stages"] = ([sys.executable, FOLDER / "peer_opencv.py", scene, f"{result}-cv.json"],
                                        Path(f"{result}-cv.json"))
-    if importlib.util.find_spec("mrcal"):
+    if shutil.which("mrcal-calibrate-cameras"):
         found["mrcal-calibrate-cameras"] = (mrcal_tool(work), None)
-        for way, words in (("seed", "mrcal, solver alone"), ("near", "mrcal, solver alone, started near")):
-            path = Path(f"{result}-{way}.json")
-            found[words] = ([sys.executable, FOLDER / "peer_mrcal.py", scene, path, way], path)
+    for number, (name, python) in enumerate(mrcal_solvers().items()):
+        for way, words in (("seed", "solver alone"), ("near", "solver alone, started near")):
+            path = Path(f"{result}-{way}-{number}.json")
+            found[f"{name}, {words}"] = ([python, FOLDER / "peer_mrcal.py", scene, path, way], path)
     return {name: value for name, value in found.items() if re.search(options.programs, name)}
 
 
