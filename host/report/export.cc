@@ -38,6 +38,7 @@ void add_lengths(const LengthStatistics& lengths, ordered_json* out)
     (*out)["rmse_all_px"] = lengths.rmse_all_px;
     (*out)["mean_px"] = lengths.mean_px;
     (*out)["std_px"] = lengths.deviation_px;
+    (*out)["whitened_rms"] = lengths.whitened_rms;
     (*out)["observations"] = lengths.used;
     (*out)["rejected"] = lengths.rejected;
 }

@@ -12,13 +12,14 @@ constexpr int kCoverageColumns = 16;
 
 class Lengths {
 public:
-    void add(double length_px, bool used)
+    void add(double length_px, double sigma_px, bool used)
     {
         all_squares_ += length_px * length_px;
         ++(used ? out_.used : out_.rejected);
         if (used) {
             sum_ += length_px;
             squares_ += length_px * length_px;
+            white_squares_ += length_px * length_px / (sigma_px * sigma_px);
         }
     }
     LengthStatistics result() const
@@ -30,6 +31,7 @@ public:
             out.rmse_px = std::sqrt(squares_ / used);
             out.mean_px = sum_ / used;
             out.deviation_px = std::sqrt(std::max(0.0, squares_ / used - out.mean_px * out.mean_px));
+            out.whitened_rms = std::sqrt(white_squares_ / (2.0 * used));
         }
         out.rmse_all_px = all > 0.0 ? std::sqrt(all_squares_ / all) : 0.0;
         return out;
@@ -39,6 +41,7 @@ private:
     LengthStatistics out_;
     double sum_ = 0.0;
     double squares_ = 0.0;
+    double white_squares_ = 0.0;
     double all_squares_ = 0.0;
 };
 
@@ -116,8 +119,9 @@ Statistics make_statistics(const Scene& scene, const Solution& solution)
             for (std::size_t i = 0; i < residuals.size(); ++i) {
                 const bool good = view.points[i].used;
                 if (good || residuals[i].allFinite()) {
-                    lengths.add(residuals[i].norm(), good);
-                    all.add(residuals[i].norm(), good);
+                    const auto sigma_px = static_cast<double>(view.points[i].sigma_px);
+                    lengths.add(residuals[i].norm(), sigma_px, good);
+                    all.add(residuals[i].norm(), sigma_px, good);
                 }
                 if (good) {
                     grid.add(view.points[i].pixel);

@@ -15,6 +15,7 @@ struct LengthStatistics {
     double mean_px = 0.0;
     double deviation_px = 0.0;
     double rmse_all_px = 0.0;   // used and rejected points
+    double whitened_rms = 0.0;  // of used points' residuals over sigma, per axis; 1: sigmas are honest
 };
 
 struct Coverage {

@@ -43,18 +43,20 @@ double norm(const ordered_json& list)
 
 void table_row(const std::string& name, const ordered_json& row, const std::string& rest, Out out)
 {
-    fmt::format_to(out, "{:<16} {:>9.4f} {:>9.4f} {:>9.4f} {:>9.4f} {:>9} {:>8} {}\n", name,
+    fmt::format_to(out, "{:<16} {:>9.4f} {:>9.4f} {:>9.4f} {:>9.4f} {:>9.3f} {:>9} {:>8} {}\n", name,
                    row.at("rmse_px").get<double>(), row.at("mean_px").get<double>(),
                    row.at("std_px").get<double>(), row.at("rmse_all_px").get<double>(),
-                   row.at("observations").get<std::int64_t>(), row.at("rejected").get<std::int64_t>(),
+                   row.at("whitened_rms").get<double>(), row.at("observations").get<std::int64_t>(), row.at("rejected").get<std::int64_t>(),
                    rest);
 }
 
 void table(const ordered_json& rig, Out out)
 {
-    fmt::format_to(out, "Reprojection error in pixels (length of the residual)\n");
-    fmt::format_to(out, "{:<16} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8} {:>6} {:>13} {:>9}\n", "camera", "RMSE",
-                   "mean", "std", "RMSE all", "points", "rejected", "views", "points/frame", "coverage");
+    fmt::format_to(out, "Reprojection error in pixels (length of the residual; all: rejected points too) and, "
+                        "whitened,\nover its sigma per axis: 1 where the sigmas are honest\n");
+    fmt::format_to(out, "{:<16} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8} {:>6} {:>13} {:>9}\n", "camera",
+                   "RMSE", "mean", "std", "RMSE all", "whitened", "points", "rejected", "views", "points/frame",
+                   "coverage");
     for (const ordered_json& camera : rig.at("cameras")) {
         table_row(camera.at("name"), camera,
                   fmt::format("{:>6} {:>13.1f} {:>7.0f} %", camera.at("views").get<std::int64_t>(),

@@ -46,7 +46,8 @@ def target_board(target):
             for index, (u, v, radius) in enumerate(patch_features()):
                 if target["turns"][r][c]:
                     u, v = 1 - u, 1 - v
-                rows.append([100 * (c + u), 100 * (r + v), 0, 100 * radius])
+                rows.append([target["patch_mm"] * (c + u), target["patch_mm"] * (r + v), 0,
+                             target["patch_mm"] * radius])
                 ids.append(patch * 128 + index)
     return np.array(rows), ids
 

@@ -140,7 +140,7 @@ def _into_rig(cameras, poses):
     return turn @ poses[0], poses[1] @ turn.T + shift
 
 
-def _in_front(frames, board, cameras, distance, rng, share):
+def in_front(frames, board, cameras, distance, rng, share):
     """Board poses before cameras that look the same way, drawn until each sees `share` of the points."""
     middle = board[:, :3].mean(axis=0)
     first, turns, shifts = cameras[0], [], []
@@ -216,7 +216,7 @@ def _paper(rng, model, field, frames, radius):
         centre = np.array([300.0, 5, 10]) * i
         cameras.append(_camera(f"cam{i}", size, 4000.0, model, rng, field, turn, centre))
     board = grid(42, 24, 1200 / 42, radius)
-    return cameras, board, _in_front(frames, board, cameras, (1300.0, 2400.0), rng, 1.0)
+    return cameras, board, in_front(frames, board, cameras, (1300.0, 2400.0), rng, 1.0)
 
 
 def _small(rng, model, field, frames, radius):
@@ -226,7 +226,7 @@ def _small(rng, model, field, frames, radius):
         cameras.append(_camera(f"cam{i}", size, 1200.0, model, rng, field, turn,
                                np.array([250.0, 15, 25]) * i))
     board = grid(12, 9, 60.0, radius)
-    return cameras, board, _in_front(frames, board, cameras, (800.0, 1800.0), rng, 0.4)
+    return cameras, board, in_front(frames, board, cameras, (800.0, 1800.0), rng, 0.4)
 
 
 def _ring(rng, model, field, frames, radius):
