@@ -19,11 +19,14 @@ host_SRC := \
   host/model/camera_unproject.cc \
   host/model/spline_field.cc \
   host/assoc/instants.cc \
+  host/obs/baselines.cc \
   host/obs/digest.cc \
   host/obs/observations_file.cc \
   host/obs/observe.cc \
+  host/obs/repeats.cc \
   host/obs/scene.cc \
   host/obs/target_board.cc \
+  host/solve/baseline_check.cc \
   host/solve/bundle.cc \
   host/solve/change.cc \
   host/solve/circle_centre.cc \
@@ -44,6 +47,7 @@ host_SRC := \
   host/solve/pose_chain.cc \
   host/solve/prior.cc \
   host/solve/prior_check.cc \
+  host/solve/prior_poses.cc \
   host/solve/richer.cc \
   host/solve/rig.cc \
   host/solve/scale.cc \

@@ -50,9 +50,18 @@ struct InputFile {
     std::string digest;  // FNV-1a of its bytes, 16 hex digits
 };
 
+// The distance of two cameras' centres of projection, measured otherwise: compared with the result, not used in it.
+struct Baseline {
+    int camera_a = 0;  // indices into Scene::cameras
+    int camera_b = 0;
+    double mm = 0.0;
+    double sigma_mm = 0.0;
+};
+
 struct Scene {
     std::vector<SceneCamera> cameras;
     std::vector<Board> boards;
+    std::vector<Baseline> baselines;
     std::vector<Observation> observations;      // sorted: camera, frame, board, point
     std::map<std::string, std::size_t> rejected;  // counts by reason, before solving
     std::vector<InputFile> inputs;

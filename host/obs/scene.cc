@@ -8,6 +8,7 @@
 #include <set>
 
 #include "host/base/csv.h"
+#include "host/obs/baselines.h"
 #include "host/obs/digest.h"
 #include "host/obs/observations_file.h"
 
@@ -55,7 +56,7 @@ Status check_head(const json& root, const std::string& path)
     if (root.value("version", json()) != 1) {
         return Status::failure(path + ": key 'version' must be 1, the only one this program knows");
     }
-    const std::string odd = unknown_key(root, {"format", "version", "cameras", "boards", "rigid"});
+    const std::string odd = unknown_key(root, {"format", "version", "cameras", "boards", "rigid", "baselines"});
     if (!odd.empty()) {
         return Status::failure(path + ": unknown key '" + odd + "'");
     }
@@ -265,6 +266,10 @@ Result<Scene> read_scene(const std::string& folder)
     const Status joined = read_rigid(root.value(), path, &scene.boards);
     if (!joined.ok()) {
         return joined;
+    }
+    const Status known = read_baselines(root.value().value("baselines", json::array()), path, &scene);
+    if (!known.ok()) {
+        return known;
     }
     const Status read = read_observations(table, &scene);
     if (!read.ok()) {

@@ -102,6 +102,16 @@ void add_reach(const Scene& scene, const CameraReach& reach, ordered_json* out)
     }
 }
 
+// Null where no view of it is used.
+ordered_json seen_from(const Reach& reach, int board)
+{
+    const auto found = reach.sides.find(board);
+    if (found == reach.sides.end()) {
+        return nullptr;
+    }
+    return found->second.plus_z == 0 ? "-z" : found->second.minus_z == 0 ? "+z" : "both";
+}
+
 // Every frame a board was seen in; a static board has the same pose in all of them.
 ordered_json frames_json(const Scene& scene, const Solution& solution)
 {
@@ -163,7 +173,8 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
         out["boards"].push_back(
             {{"name", scene.boards[b].name},
              {"surface", surface_json(surface != nullptr ? *surface : Surface(), scene.boards[b])},
-             {"scale", scene.boards[b].scale}});
+             {"scale", scene.boards[b].scale},
+             {"seen_from", seen_from(statistics.reach, static_cast<int>(b))}});
     }
     out["frames"] = frames_json(scene, solution);
     out["held_out"] = choice_json(solution.choice);

@@ -47,7 +47,7 @@ std::string residual_png(const Scene& scene, const Solution& solution, const Sta
         }
         const std::vector<Eigen::Vector2d> residuals = residuals_px(solution, view);
         for (std::size_t i = 0; i < residuals.size(); ++i) {
-            const Eigen::Vector2d at = zoom * view.points[i].pixel;
+            const Eigen::Vector2d at = zoom * (view.points[i].pixel.array() + 0.5).matrix();
             if (!(at.array().abs() < 1e5).all()) {
                 continue;
             }

@@ -26,7 +26,14 @@ struct CameraReach {
     std::map<int, std::size_t> shared;  // by other scene camera: board poses that both saw
 };
 
+// Views of a board by the side that they saw: from -z, as a viewer who sees it the right way round, or from +z.
+struct SidesSeen {
+    std::size_t minus_z = 0;
+    std::size_t plus_z = 0;
+};
+
 struct Reach {
+    std::map<int, SidesSeen> sides;    // by scene board
     std::vector<CameraReach> cameras;  // in the order of Solution::cameras
     Eigen::Vector3d from_mm = Eigen::Vector3d::Zero();  // box in the rig frame around all points seen by part 0
     Eigen::Vector3d to_mm = Eigen::Vector3d::Zero();

@@ -127,13 +127,17 @@ void views(const ordered_json& rig, Out out)
     }
 }
 
-// Which length sets the scale, by board.
+// Which length sets the scale, by board. A flat board alone does not tell whether all images are mirrored.
 void scale(const ordered_json& rig, Out out)
 {
     fmt::format_to(out, "\nScale\n");
     for (const ordered_json& board : rig.at("boards")) {
-        fmt::format_to(out, "    {}: {}\n", board.at("name").get<std::string>(),
-                       board.at("scale").get<std::string>());
+        const bool from_behind = board.value("seen_from", ordered_json()) == "+z";
+        fmt::format_to(out, "    {}: {}{}\n", board.at("name").get<std::string>(),
+                       board.at("scale").get<std::string>(),
+                       from_behind ? "; seen from its +z side in all views: mirrored, unless its z axis points to "
+                                     "the viewer"
+                                   : "");
     }
 }
 

@@ -8,7 +8,9 @@
 #include <thread>
 
 #include "host/base/whole_file.h"
+#include "host/obs/baselines.h"
 #include "host/obs/observe.h"
+#include "host/obs/repeats.h"
 #include "host/obs/scene.h"
 #include "host/report/export.h"
 #include "host/report/picture.h"
@@ -32,6 +34,7 @@ struct SolveArguments {
     bool partial = false;
     std::string prior;
     bool prior_poses = false;
+    std::vector<std::string> baselines;
     int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 };
 
@@ -57,6 +60,9 @@ Origin origin_of(const SolveArguments& arguments, const Scene& scene)
                       + (arguments.partial ? " --partial" : "");
     if (!arguments.prior.empty()) {
         origin.command += " --prior " + arguments.prior + (arguments.prior_poses ? " --prior-poses" : "");
+    }
+    for (const std::string& baseline : arguments.baselines) {
+        origin.command += " --baseline " + baseline;
     }
     return origin;
 }
@@ -159,6 +165,13 @@ Status solve(const SolveArguments& arguments)
     if (!scene.ok()) {
         return scene.status();
     }
+    for (const std::string& baseline : arguments.baselines) {
+        const Status known = add_baseline(baseline, "--baseline", &scene.value());
+        if (!known.ok()) {
+            return known;
+        }
+    }
+    drop_repeats(&scene.value());
     say(fmt::format("read {} observations of {} cameras", scene.value().observations.size(),
                     scene.value().cameras.size()));
     SolveOptions options;
@@ -208,6 +221,10 @@ void add_solve(CLI::App& app)
     command->add_flag("--prior-poses", arguments->prior_poses,
                       "And how its cameras stand to each other")
         ->needs(prior);
+    command->add_option("--baseline", arguments->baselines,
+                        "CAMERA,CAMERA,MM,SIGMA_MM: a known distance of two cameras' centres, compared with the "
+                        "result; may be repeated")
+        ->allow_extra_args(false);
     command->add_option("--threads", arguments->threads,
                         "Threads to compute on, all cores where not given; the result is the same")
         ->check(CLI::Range(1, 1024));

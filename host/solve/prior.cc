@@ -213,6 +213,28 @@ void add_prior(const Prior& prior, const PriorBlocks& blocks, ceres::Problem* pr
     problem->AddResidualBlock(prior_cost(prior, known).release(), nullptr, parameters);
 }
 
+double prior_squares(const Prior& prior, const RigState& state, const std::vector<bool>& takes_part,
+                     double* degrees)
+{
+    const Known known = known_cameras(prior, takes_part);
+    *degrees = 0.0;
+    if (known.scene.empty()) {
+        return 0.0;
+    }
+    const std::unique_ptr<ceres::CostFunction> cost = prior_cost(prior, known);
+    std::vector<const double*> parameters;
+    for (const std::size_t c : known.scene) {
+        parameters.push_back(state.lenses[c].intrinsics.data());
+    }
+    for (std::size_t i = known.scene.size(); i < cost->parameter_block_sizes().size(); ++i) {
+        parameters.push_back(state.cam_from_rig[known.scene[i - known.scene.size()]].data());
+    }
+    Eigen::VectorXd residuals(cost->num_residuals());
+    cost->Evaluate(parameters.data(), residuals.data(), nullptr);
+    *degrees = static_cast<double>(residuals.size());
+    return residuals.squaredNorm();
+}
+
 Eigen::MatrixXd prior_information(const Prior& prior, const RigState& state, const RigCovariance& places,
                                   Eigen::Index rows)
 {

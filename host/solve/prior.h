@@ -46,6 +46,10 @@ void add_prior(const Prior& prior, const PriorBlocks& blocks, ceres::Problem* pr
 Eigen::MatrixXd prior_information(const Prior& prior, const RigState& state, const RigCovariance& places,
                                   Eigen::Index rows);
 
+// Sum of its squared whitened differences from a state, and how many they are. takes_part: by scene camera.
+double prior_squares(const Prior& prior, const RigState& state, const std::vector<bool>& takes_part,
+                     double* degrees);
+
 // Whether the prior (null: none) has this scene camera.
 bool in_prior(const Prior* prior, std::size_t camera);
 

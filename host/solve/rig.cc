@@ -10,12 +10,14 @@
 #include <set>
 
 #include "host/base/parallel.h"
+#include "host/solve/baseline_check.h"
 #include "host/solve/enrich.h"
 #include "host/solve/facing.h"
 #include "host/solve/intrinsics.h"
 #include "host/solve/moved.h"
 #include "host/solve/pose_graph.h"
 #include "host/solve/prior.h"
+#include "host/solve/prior_poses.h"
 #include "host/solve/scale.h"
 #include "host/solve/swapped.h"
 #include "host/solve/uncertainty.h"
@@ -322,6 +324,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     }
     if (options.prior != nullptr) {
         status = check_prior(scene, *options.prior, solution.set, solution.state.lenses, by_view);
+        if (status.ok() && options.prior->poses) {
+            status = check_prior_poses(scene, *options.prior, solution.set, by_view);
+        }
         if (!status.ok()) {
             return status;
         }
@@ -354,7 +359,10 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
                          solution.set.poses.size()));
     bundle_options.lens = LensFreedom::kAll;
     const RefineResult refined = refine(bundle_options, &solution.set.views, &solution.state);
-    status = check_moved(scene, solution);
+    status = options.prior != nullptr ? check_prior_met(scene, bundle_options, alone_px, solution) : Status();
+    if (status.ok()) {
+        status = check_moved(scene, solution);
+    }
     if (!status.ok()) {
         return status;
     }
@@ -371,6 +379,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     }
     drop_unused_poses(&solution);
     status = estimate_uncertainty(scene, options.prior, &solution);
+    if (status.ok()) {
+        status = check_baselines(scene, solution);
+    }
     if (!status.ok()) {
         return status;
     }

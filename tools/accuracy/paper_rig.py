@@ -108,8 +108,8 @@ def judge(frames, rig):
             "baseline expected": expected_baseline_mm(claims), "good": bool(good)}
 
 
-HEAD = ["set-up", "points a frame", "found of those in view", "detector px", "error / sigma", "RMSE, all points px", "limit",
-        "required", "RMSE px", "rejected", "whitened", "projection px", "baseline mm", "verdict"]
+HEAD = ["set-up", "points a frame", "found of those in view", "detector px", "error / sigma",
+        "RMSE, all points px", "limit", "required", "RMSE px", "rejected", "whitened", "projection px", "baseline mm", "verdict"]
 
 
 def line(frames, found):

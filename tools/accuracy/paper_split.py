@@ -59,7 +59,8 @@ def tables(frames, rig):
     data = columns(frames, rig)
     lines = [f"{'':28} {'points':>7} {'residual':>9} {'error':>9} {'limit':>9} {'ratio':>7} {'whitened':>8} "
              f"{'worst':>9} {'mean dx':>9} {'mean dy':>9}", _line("all", data)]
-    splits = [("radius px", 7, [3, 5, 7, 9, 12, 15, 20, 25, 35, 50, 80]), ("minor / major", 8, [0, 0.5, 0.7, 0.8, 0.9, 1]),
+    splits = [("radius px", 7, [3, 5, 7, 9, 12, 15, 20, 25, 35, 50, 80]),
+              ("minor / major", 8, [0, 0.5, 0.7, 0.8, 0.9, 1]),
               ("tilt deg", 9, [0, 10, 20, 30, 40, 50, 65]), ("from the centre", 10, [0, 0.25, 0.5, 0.75, 1.0, 1.1]),
               ("feature", 11, list(range(14))), ("polarity", 12, [0, 1, 2]), ("wholly in view", 13, [0, 1, 2])]
     for name, column, edges in splits:

@@ -28,6 +28,22 @@ GROWTH = (4, 25, 250, 2500)
 MRCAL_NEW = ROOT / "build" / "deps" / "mrcal"
 OURS = ("--model", "brown")
 
+INTRODUCTION = """\
+# How fast the solver is
+
+Written by `make solver-speed`; not to be edited. Simulated points with noise 0.05 px (`tests/truth/truth_scenes.py`),
+all programs on the same ones, interleaved, on one thread but for `tessera-rig` (all cores; seconds of the processor
+count, so that it gains nothing by them). `tessera-rig solve --model brown`, which includes reading text, covariance
+and pictures.
+
+- *solving*: seconds of the processor that a program says its solving took, without Python's start and reading; all
+  of `tessera-rig`'s. *over ours*: that over `tessera-rig`'s: this is the ratio to go by, for it holds on any machine.
+- *peak MB*: of memory. *px*, *mm*: errors of projection over a grid in the image and of the cameras' places.
+- *started near*: with lenses, cameras and boards of the truth, off by 1 %, half a degree and 10 mm, as a favour;
+  `tessera-rig` and the others start from the observations.
+
+"""
+
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -39,6 +55,7 @@ def arguments():
     parser.add_argument("--frames", type=int, help="instead of the rig's own number")
     parser.add_argument("--residuals", type=float, default=1e7, help="end of the growth (default 1e7)")
     parser.add_argument("--option", action="append", default=[], help="further option for tessera-rig solve")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write solver_speed.md there")
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "solver_bench")
     return parser.parse_args()
 
@@ -124,19 +141,23 @@ def race(name, options):
                 solving = said or done.cpu_s
             best[program] = (min(before[0], done.cpu_s), min(before[1], solving), done.peak_mb)
     ours = best.get("tessera-rig solve", (float("nan"),) * 3)[0]
-    print(f"\n{name}: {len(scene.camera)} observations, {len(scene.cameras)} cameras, "
-          f"{len(scene.poses[0])} frames; points, noise {scene.noise} px; best of {options.rounds}")
-    print(f"{'':34} {'CPU s':>8} {'of it solving':>14} {'over ours':>10} {'peak MB':>8} {'px':>9} {'mm':>9}")
+    lines = [f"{name}: {len(scene.camera)} observations, {len(scene.cameras)} cameras, {len(scene.poses[0])} frames; "
+             f"best of {options.rounds}", "",
+             f"| {'program':42} | {'CPU s':>8} | {'solving':>8} | {'over ours':>9} | {'peak MB':>8} | {'px':>9} | "
+             f"{'mm':>9} |",
+             "|---|--:|--:|--:|--:|--:|--:|"]
     for program, (cpu, solving, peak) in best.items():
         # All of ours, which reads text and writes pictures, against the part that solves of the others.
-        px, mm = errors.get(program, (float("nan"),) * 2)
-        print(f"{program:34} {cpu:8.2f} {solving:14.2f} {solving / ours:10.2f} {peak:8.0f} {px:9.5f} {mm:9.5f}")
-    sys.stdout.flush()
+        px, mm = (f"{error:9.5f}" for error in errors[program]) if program in errors else ("        -",) * 2
+        lines.append(f"| {program:42} | {cpu:8.2f} | {solving:8.2f} | {solving / ours:9.2f} | {peak:8.0f} | "
+                     f"{px} | {mm} |")
+    return lines
 
 
 def grow(options):
-    print(f"\ngrowth: tessera-rig solve {' '.join([*OURS, *options.option])}, the paper's rig with more frames")
-    print(f"{'frames':>8} {'residuals':>10} {'CPU s':>8} {'us a residual':>14} {'peak MB':>8}", flush=True)
+    lines = [f"growth: tessera-rig solve {' '.join([*OURS, *options.option])}, the paper's rig with more frames", "",
+             f"| {'frames':>8} | {'residuals':>10} | {'CPU s':>8} | {'us a residual':>14} | {'peak MB':>8} |",
+             "|--:|--:|--:|--:|--:|"]
     for frames in GROWTH:
         if frames * 4032 > 1.1 * options.residuals:
             break
@@ -147,11 +168,13 @@ def grow(options):
         runs = [solve(options.work / "scene", options.work / "tessera", [*OURS, *options.option])
                 for _ in range(options.rounds if frames < 1000 else 1)]
         if any(done.status for done in runs):
-            print(f"{frames:8} {residuals:10} refused: {runs[-1].complaint}", flush=True)
+            lines.append(f"{frames} frames refused: {runs[-1].complaint}")
             continue
         cpu = min(done.cpu_s for done in runs)
-        print(f"{frames:8} {residuals:10} {cpu:8.2f} {1e6 * cpu / residuals:14.2f} {runs[-1].peak_mb:8.0f}",
-              flush=True)
+        lines.append(f"| {frames:8} | {residuals:10} | {cpu:8.2f} | {1e6 * cpu / residuals:14.2f} | "
+                     f"{runs[-1].peak_mb:8.0f} |")
+        say(lines[-1])
+    return lines
 
 
 def main():
@@ -159,12 +182,20 @@ def main():
     options.work.mkdir(parents=True, exist_ok=True)
     if not importlib.util.find_spec("mrcal"):
         say("mrcal is not installed (make peers); its lines are left out")
+    text = ""
+
+    def show(lines):
+        nonlocal text
+        text += "\n".join(lines) + "\n\n"
+        print("\n".join(lines) + "\n", flush=True)
     try:
         for name in [name for name in SCENES if re.search(options.only, name)]:
             say(name)
-            race(name, options)
+            show(race(name, options))
         if re.search(options.only, "growth"):
-            grow(options)
+            show(grow(options))
+        if options.out:
+            (options.out / "solver_speed.md").write_text(INTRODUCTION + text.rstrip("\n") + "\n")
     except (OSError, RuntimeError, json.JSONDecodeError) as error:
         print(f"solver_bench: {error}", file=sys.stderr)
         return 1

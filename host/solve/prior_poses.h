@@ -1,0 +1,26 @@
+// Whether cameras stand to each other as a prior says: a target of another size, or a camera that moved since.
+#pragma once
+
+#include "host/solve/prior.h"
+#include "host/solve/rig.h"
+
+namespace rig {
+
+// Before both are brought together: what boards that two cameras see at once make of their relative pose, each
+// camera alone, against the prior's. by_view: cam_from_board of each view in `set`. Fails with a sentence where they
+// differ by more than kScaleWorstPart of the distance or kTurnWorstRad, and than they scatter: a board of another
+// size where it is the distances alone, by one factor; else a camera that moved.
+Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set,
+                         const std::vector<Pose>& by_view);
+
+// Afterwards: fails where the joint solution is further from the prior than kPriorSigmas, or where it fits its points
+// worse than it does without the prior's poses. The noise of points without sigmas is estimated, so a tight prior that
+// is wrong would pass for noise. alone_px: by camera, of each alone; only where the solution is far above it is it
+// solved for again, with `options`.
+Status check_prior_met(const Scene& scene, const BundleOptions& options, const std::vector<double>& alone_px,
+                       const Solution& solution);
+
+// 3 mm a metre, as kScaleWorstPart: what lenses of a few views, each alone, may turn a camera by.
+constexpr double kTurnWorstRad = 0.003;
+
+}  // namespace rig
