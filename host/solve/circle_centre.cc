@@ -4,8 +4,11 @@
 // In that frame the conic  |u|^2 - 1 + p0 + p1 u + p2 v + p3 (u^2 - v^2) + p4 u v = 0  is fitted by
 // linear least squares. Its algebraic residual is twice the distance to the edge there, to first
 // order in the deviation from an ellipse; the deviation itself is of second order in the radius.
-// Weights are the length of edge that a sample stands for in the image. The fitted conic's centre
-// then goes back through M. For an undistorted circle the conic is exact, whatever N.
+// A distance along the normal u there is 1 / |M^-T u| times that in the image. So weights are the length
+// of edge that a sample stands for in the image, over |M^-T u|^2. Without the latter the ends of a long
+// ellipse would count for too much: 0.002 px of the centre for a radius of 14 px, 60 degrees of tilt and
+// k1 = -0.28, 0.04 px for 40 px and k1 = 0.33. With it 0.0001 px are left of the true least distances.
+// The fitted conic's centre then goes back through M. For an undistorted circle the conic is exact, whatever N.
 #include "host/solve/circle_centre.h"
 
 #include <Eigen/Cholesky>
@@ -46,7 +49,9 @@ Eigen::Vector2d conic_centre(const Samples& edge)
     if (std::abs(axes.determinant()) < 1e-12) {
         return Eigen::Vector2d::Zero();
     }
-    const Samples u = axes.inverse() * (edge.colwise() - mean);
+    const Eigen::Matrix2d inverse_axes = axes.inverse();
+    const Samples u = inverse_axes * (edge.colwise() - mean);
+    const Samples gradient = inverse_axes.transpose() * u;
     // Lower triangle of the normal matrix of the columns 1, u, v, u^2 - v^2, u v, and the right side.
     std::array<double, 15> sums{};
     Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
@@ -54,7 +59,7 @@ Eigen::Vector2d conic_centre(const Samples& edge)
         const int before = (k + kSamples - 1) % kSamples;
         const int after = (k + 1) % kSamples;
         const double weight =
-            std::sqrt((edge.col(after) - edge.col(before)).squaredNorm());
+            std::sqrt((edge.col(after) - edge.col(before)).squaredNorm()) / gradient.col(k).squaredNorm();
         const double x = u(0, k);
         const double y = u(1, k);
         const std::array<double, 5> row{1.0, x, y, x * x - y * y, x * y};

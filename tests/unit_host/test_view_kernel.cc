@@ -231,8 +231,8 @@ void compression_keeps_cost_gradient_and_information()
     }
 }
 
-// By another road: many samples, a general conic by singular values, Euclidean spacing along the
-// edge.
+// By another road: many samples, a general conic by orthogonal factors, Euclidean spacing along the
+// edge, and distances: those of a conic over its slope there, which each round takes from the last.
 Eigen::Vector2d dense_centre(const Camera& lens, const Pose& pose, const Eigen::Vector3d& centre, double radius)
 {
     constexpr int kCount = 2000;
@@ -248,15 +248,23 @@ Eigen::Vector2d dense_centre(const Camera& lens, const Pose& pose, const Eigen::
     const double size = (edge.colwise() - mean).norm() / std::sqrt(2.0 * kCount);
     Eigen::MatrixXd rows(kCount, 5);
     Eigen::VectorXd right(kCount);
-    for (int k = 0; k < kCount; ++k) {
-        const Eigen::Vector2d p = (edge.col(k) - mean) / size;
-        const double length = (edge.col((k + 1) % kCount) - edge.col((k + kCount - 1) % kCount)).norm();
-        const double weight = std::sqrt(length);
-        rows.row(k) << p.x() * p.x(), p.x() * p.y(), p.y() * p.y(), p.x(), p.y();
-        rows.row(k) *= weight;
-        right[k] = weight;
+    Eigen::VectorXd q;
+    for (int round = 0; round < 5; ++round) {
+        for (int k = 0; k < kCount; ++k) {
+            const Eigen::Vector2d p = (edge.col(k) - mean) / size;
+            const double length = (edge.col((k + 1) % kCount) - edge.col((k + kCount - 1) % kCount)).norm();
+            double slope = 1.0;
+            if (round > 0) {
+                slope = std::hypot(2.0 * q[0] * p.x() + q[1] * p.y() + q[3],
+                                   q[1] * p.x() + 2.0 * q[2] * p.y() + q[4]);
+            }
+            const double weight = std::sqrt(length) / slope;
+            rows.row(k) << p.x() * p.x(), p.x() * p.y(), p.y() * p.y(), p.x(), p.y();
+            rows.row(k) *= weight;
+            right[k] = weight;
+        }
+        q = rows.colPivHouseholderQr().solve(right);
     }
-    const Eigen::VectorXd q = rows.colPivHouseholderQr().solve(right);
     const double det = 4.0 * q[0] * q[2] - q[1] * q[1];
     return mean + size * Eigen::Vector2d((q[1] * q[4] - 2.0 * q[2] * q[3]) / det,
                                          (q[1] * q[3] - 2.0 * q[0] * q[4]) / det);
