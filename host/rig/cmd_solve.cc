@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <memory>
 #include <thread>
@@ -188,10 +189,13 @@ Status solve(const SolveArguments& arguments)
         }
         options.prior = &prior;
     }
+    const std::clock_t before = std::clock();
     Result<Solution> solution = solve_rig(scene.value(), options, say);
     if (!solution.ok()) {
         return solution.status();
     }
+    say(fmt::format("solved in {:.2f} s of the processor",
+                    static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC));
     return write_result(arguments, scene.value(), solution.value());
 }
 
