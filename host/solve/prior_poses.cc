@@ -10,11 +10,13 @@
 #include "host/base/chi_square.h"
 #include "host/base/median.h"
 #include "host/solve/scale.h"
+#include "host/solve/seed.h"
 
 namespace rig {
 namespace {
 
 constexpr double kSigmas = 6.0;
+constexpr std::size_t kPlacesMin = 3;  // fewer do not tell how they scatter
 // Noise over that of the camera alone from which it is worth a second solution, and over that of the second
 // which is no chance: the noise of some hundred points is known to a few per cent.
 constexpr double kStrained = 1.3;
@@ -31,11 +33,14 @@ struct Pair {
     Eigen::Vector3d shift_sigma_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();        // median turn against the prior
     Eigen::Vector3d turn_sigma_rad = Eigen::Vector3d::Zero();
-    double factor() const { return shift_mm.norm() / known.translation_mm.norm(); }
+    double factor() const
+    {
+        const double distance_mm = known.translation_mm.norm();
+        return distance_mm > 0.0 ? shift_mm.norm() / distance_mm : 1.0;
+    }
 };
 
-// Median and its standard deviation of what `value` makes of each; a single one has no deviation, and the
-// limits of prior_poses.h alone decide.
+// Median and its standard deviation of what `value` makes of each.
 template <typename Value>
 void settle(const std::vector<Pose>& seen, const Value& value, double* median, double* sigma)
 {
@@ -50,29 +55,37 @@ void settle(const std::vector<Pose>& seen, const Value& value, double* median, d
     *sigma = 1.2533 * 1.4826 * median_of(&all) / std::sqrt(static_cast<double>(all.size()));
 }
 
-std::vector<Pair> pairs_of(const Prior& prior, const ViewSet& set, const std::vector<Pose>& by_view)
+std::vector<Pair> pairs_of(const Prior& prior, const ViewSet& set)
 {
-    std::map<std::pair<int, std::int64_t>, std::vector<std::size_t>> places;  // board, frame
-    for (std::size_t i = 0; i < set.views.size(); ++i) {
-        if (in_prior(&prior, static_cast<std::size_t>(set.views[i].camera))) {
-            places[{set.views[i].board, set.views[i].frame}].push_back(i);
+    // A camera's own lens may be known too badly from a few views: its focal length scales distances.
+    std::map<std::pair<int, std::int64_t>, std::vector<std::pair<int, Pose>>> places;  // board, frame: cameras
+    for (const View& view : set.views) {
+        const int place = prior.place[static_cast<std::size_t>(view.camera)];
+        if (place >= 0) {
+            const auto pose = seed_pose(prior.lenses[static_cast<std::size_t>(place)], thinned(view, kApproachPoints));
+            if (pose) {
+                places[{view.board, view.frame}].emplace_back(view.camera, *pose);
+            }
         }
     }
     std::map<std::pair<int, int>, Pair> pairs;
     for (const auto& [key, views] : places) {
         for (std::size_t i = 0; i < views.size(); ++i) {
             for (std::size_t j = i + 1; j < views.size(); ++j) {
-                const int a = set.views[views[i]].camera;
-                const int b = set.views[views[j]].camera;
+                const auto& [a, a_from_board] = views[i];
+                const auto& [b, b_from_board] = views[j];
                 Pair& pair = pairs[{a, b}];
                 pair.a = a;
                 pair.b = b;
-                pair.seen.push_back(by_view[views[j]] * inverse(by_view[views[i]]));
+                pair.seen.push_back(b_from_board * inverse(a_from_board));
             }
         }
     }
     std::vector<Pair> out;
     for (auto& [cameras, pair] : pairs) {
+        if (pair.seen.size() < kPlacesMin) {
+            continue;
+        }
         const auto place = [&](int camera) {
             return static_cast<std::size_t>(prior.place[static_cast<std::size_t>(camera)]);
         };
@@ -105,10 +118,9 @@ bool shifted(const Pair& pair, double factor)
 
 }  // namespace
 
-Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set,
-                         const std::vector<Pose>& by_view)
+Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set)
 {
-    const std::vector<Pair> pairs = pairs_of(prior, set, by_view);
+    const std::vector<Pair> pairs = pairs_of(prior, set);
     const auto name = [&](int camera) { return scene.cameras[static_cast<std::size_t>(camera)].name; };
     std::vector<double> factors;
     for (const Pair& pair : pairs) {

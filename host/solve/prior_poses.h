@@ -6,12 +6,11 @@
 
 namespace rig {
 
-// Before both are brought together: what boards that two cameras see at once make of their relative pose, each
-// camera alone, against the prior's. by_view: cam_from_board of each view in `set`. Fails with a sentence where they
-// differ by more than kScaleWorstPart of the distance or kTurnWorstRad, and than they scatter: a board of another
-// size where it is the distances alone, by one factor; else a camera that moved.
-Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set,
-                         const std::vector<Pose>& by_view);
+// Before both are brought together: what boards that two cameras see at once make of their relative pose, through the
+// prior's lenses, against the prior's. Fails with a sentence where they differ by more than kScaleWorstPart of the
+// distance or kTurnWorstRad, and than they scatter: a board of another size where it is the distances alone, by one
+// factor; else a camera that moved.
+Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set);
 
 // Afterwards: fails where the joint solution is further from the prior than kPriorSigmas, or where it fits its points
 // worse than it does without the prior's poses. The noise of points without sigmas is estimated, so a tight prior that
@@ -20,7 +19,7 @@ Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& 
 Status check_prior_met(const Scene& scene, const BundleOptions& options, const std::vector<double>& alone_px,
                        const Solution& solution);
 
-// 3 mm a metre, as kScaleWorstPart: what lenses of a few views, each alone, may turn a camera by.
+// 3 mm a metre, as kScaleWorstPart: what the prior's lenses may leave. The joint solution tells the rest.
 constexpr double kTurnWorstRad = 0.003;
 
 }  // namespace rig

@@ -325,7 +325,7 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     if (options.prior != nullptr) {
         status = check_prior(scene, *options.prior, solution.set, solution.state.lenses, by_view);
         if (status.ok() && options.prior->poses) {
-            status = check_prior_poses(scene, *options.prior, solution.set, by_view);
+            status = check_prior_poses(scene, *options.prior, solution.set);
         }
         if (!status.ok()) {
             return status;
