@@ -14,11 +14,13 @@ Status add(const std::string& a, const std::string& b, double mm, double sigma_m
            const std::string& where, Scene* scene)
 {
     Baseline baseline;
-    for (const auto& [name, camera] : {std::pair(&a, &baseline.camera_a), std::pair(&b, &baseline.camera_b)}) {
-        const auto found = std::find_if(scene->cameras.begin(), scene->cameras.end(),
-                                        [&](const SceneCamera& each) { return each.name == *name; });
+    for (const auto& [name, camera] :
+         {std::pair(&a, &baseline.camera_a), std::pair(&b, &baseline.camera_b)}) {
+        const auto is_it = [&](const SceneCamera& each) { return each.name == *name; };
+        const auto found = std::find_if(scene->cameras.begin(), scene->cameras.end(), is_it);
         if (found == scene->cameras.end()) {
-            return Status::failure(where + " names camera '" + *name + "', which is not among those recorded");
+            return Status::failure(where + " names camera '" + *name
+                                   + "', which is not among those recorded");
         }
         *camera = static_cast<int>(found - scene->cameras.begin());
     }
@@ -26,7 +28,8 @@ Status add(const std::string& a, const std::string& b, double mm, double sigma_m
         return Status::failure(where + " needs two different cameras");
     }
     if (!(mm > 0.0 && sigma_mm > 0.0 && std::isfinite(mm) && std::isfinite(sigma_mm))) {
-        return Status::failure(where + " needs a distance and its standard deviation in mm, both above 0");
+        return Status::failure(where
+                               + " needs a distance and its standard deviation in mm, both above 0");
     }
     baseline.mm = mm;
     baseline.sigma_mm = sigma_mm;
@@ -36,10 +39,13 @@ Status add(const std::string& a, const std::string& b, double mm, double sigma_m
 
 bool shaped(const json& entry)
 {
-    return entry.is_object() && entry.size() == 3 && entry.contains("cameras") && entry["cameras"].is_array()
-           && entry["cameras"].size() == 2 && entry["cameras"][0].is_string() && entry["cameras"][1].is_string()
-           && entry.contains("mm") && entry["mm"].is_number() && entry.contains("sigma_mm")
-           && entry["sigma_mm"].is_number();
+    if (!entry.is_object() || entry.size() != 3) {
+        return false;
+    }
+    const json cameras = entry.value("cameras", json());
+    return cameras.is_array() && cameras.size() == 2 && cameras[0].is_string()
+           && cameras[1].is_string() && entry.value("mm", json()).is_number()
+           && entry.value("sigma_mm", json()).is_number();
 }
 
 }  // namespace
@@ -47,12 +53,13 @@ bool shaped(const json& entry)
 Status read_baselines(const json& list, const std::string& where, Scene* scene)
 {
     if (!list.is_array() || !std::all_of(list.begin(), list.end(), shaped)) {
-        return Status::failure(where + ": key 'baselines' must be a list of {\"cameras\": [two names], \"mm\": "
-                                       "distance, \"sigma_mm\": its standard deviation}");
+        return Status::failure(where
+                               + ": key 'baselines' must be a list of {\"cameras\": [two names], "
+                                 "\"mm\": distance, \"sigma_mm\": its standard deviation}");
     }
     for (const json& entry : list) {
-        const Status status = add(entry["cameras"][0], entry["cameras"][1], entry["mm"], entry["sigma_mm"],
-                                  where + ": key 'baselines'", scene);
+        const Status status = add(entry["cameras"][0], entry["cameras"][1], entry["mm"],
+                                  entry["sigma_mm"], where + ": key 'baselines'", scene);
         if (!status.ok()) {
             return status;
         }
@@ -78,8 +85,9 @@ Status add_baseline(const std::string& text, const std::string& option, Scene* s
         whole = !words[i + 2].empty() && *end == '\0';
     }
     if (!whole) {
-        return Status::failure(option + " " + text + ": give two cameras, their distance in mm and its standard "
-                                                     "deviation, as in left,right,300,0.1");
+        return Status::failure(option + " " + text
+                               + ": give two cameras, their distance in mm and its standard "
+                                 "deviation, as in left,right,300,0.1");
     }
     return add(words[0], words[1], numbers[0], numbers[1], option, scene);
 }

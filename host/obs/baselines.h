@@ -9,7 +9,8 @@
 
 namespace rig {
 
-// [{"cameras": ["a", "b"], "mm": 300.0, "sigma_mm": 0.1}, ...]. `where` begins the sentences: the file.
+// [{"cameras": ["a", "b"], "mm": 300.0, "sigma_mm": 0.1}, ...]. `where` begins the sentences: the
+// file.
 Status read_baselines(const nlohmann::json& list, const std::string& where, Scene* scene);
 
 // "a,b,300,0.1" as given to `option`: two cameras of the scene, mm, and their standard deviation.

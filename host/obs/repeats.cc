@@ -32,7 +32,8 @@ std::uint64_t digest(const std::vector<Observation>& all, const Run& run)
 {
     std::uint64_t sum = 0xCBF29CE484222325u;
     for (std::size_t i = run.first; i < run.first + run.count; ++i) {
-        for (const std::uint64_t word : {std::uint64_t{all[i].point}, bits(all[i].pixel.x()), bits(all[i].pixel.y())}) {
+        for (const std::uint64_t word : {std::uint64_t{all[i].point}, bits(all[i].pixel.x()),
+                                         bits(all[i].pixel.y())}) {
             sum = (sum ^ word) * 0x100000001B3u;
         }
     }
@@ -66,7 +67,8 @@ void drop_repeats(Scene* scene)
         run.count = first - run.first;
         const std::uint64_t key = digest(all, run);
         const auto [begin, end] = seen.equal_range(key);
-        if (std::any_of(begin, end, [&](const auto& item) { return same(all, item.second, run); })) {
+        const auto is_it = [&](const auto& item) { return same(all, item.second, run); };
+        if (std::any_of(begin, end, is_it)) {
             scene->rejected["view that repeats an earlier frame bit for bit"] += run.count;
             continue;
         }

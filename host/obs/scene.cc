@@ -56,7 +56,8 @@ Status check_head(const json& root, const std::string& path)
     if (root.value("version", json()) != 1) {
         return Status::failure(path + ": key 'version' must be 1, the only one this program knows");
     }
-    const std::string odd = unknown_key(root, {"format", "version", "cameras", "boards", "rigid", "baselines"});
+    const std::string odd =
+        unknown_key(root, {"format", "version", "cameras", "boards", "rigid", "baselines"});
     if (!odd.empty()) {
         return Status::failure(path + ": unknown key '" + odd + "'");
     }
@@ -267,7 +268,8 @@ Result<Scene> read_scene(const std::string& folder)
     if (!joined.ok()) {
         return joined;
     }
-    const Status known = read_baselines(root.value().value("baselines", json::array()), path, &scene);
+    const Status known =
+        read_baselines(root.value().value("baselines", json::array()), path, &scene);
     if (!known.ok()) {
         return known;
     }

@@ -73,7 +73,8 @@ Reach make_reach(const Solution& solution)
             if (distances.size() > before) {
                 seers[view.pose].insert(camera);
                 SidesSeen& sides = out.sides[view.board];
-                ++(inverse(cam_from_rig * in_rig_from_board).translation_mm.z() > 0.0 ? sides.plus_z : sides.minus_z);
+                const double z_mm = inverse(cam_from_rig * in_rig_from_board).translation_mm.z();
+                ++(z_mm > 0.0 ? sides.plus_z : sides.minus_z);
                 const Eigen::Vector3d face = face_of(cam_from_rig * in_rig_from_board);
                 tilts.push_back(kDegreesPerRadian * std::acos(std::min(1.0, -face.z())));
                 count_tilt(face, tilts.back(), &own);

@@ -26,7 +26,8 @@ struct CameraReach {
     std::map<int, std::size_t> shared;  // by other scene camera: board poses that both saw
 };
 
-// Views of a board by the side that they saw: from -z, as a viewer who sees it the right way round, or from +z.
+// Views of a board by the side that they saw: from -z, as a viewer who sees it the right way round,
+// or from +z.
 struct SidesSeen {
     std::size_t minus_z = 0;
     std::size_t plus_z = 0;

@@ -46,8 +46,8 @@ void table_row(const std::string& name, const ordered_json& row, const std::stri
     fmt::format_to(out, "{:<16} {:>9.4f} {:>9.4f} {:>9.4f} {:>9.4f} {:>9.3f} {:>9} {:>8} {}\n", name,
                    row.at("rmse_px").get<double>(), row.at("mean_px").get<double>(),
                    row.at("std_px").get<double>(), row.at("rmse_all_px").get<double>(),
-                   row.at("whitened_rms").get<double>(), row.at("observations").get<std::int64_t>(), row.at("rejected").get<std::int64_t>(),
-                   rest);
+                   row.at("whitened_rms").get<double>(), row.at("observations").get<std::int64_t>(),
+                   row.at("rejected").get<std::int64_t>(), rest);
 }
 
 void table(const ordered_json& rig, Out out)

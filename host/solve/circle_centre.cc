@@ -3,12 +3,13 @@
 //     q_k = m + M u_k,   m = mean(q),   M = (2 / N) sum q_k [cos, sin]
 // In that frame the conic  |u|^2 - 1 + p0 + p1 u + p2 v + p3 (u^2 - v^2) + p4 u v = 0  is fitted by
 // linear least squares. Its algebraic residual is twice the distance to the edge there, to first
-// order in the deviation from an ellipse; the deviation itself is of second order in the radius.
-// A distance along the normal u there is 1 / |M^-T u| times that in the image. So weights are the length
-// of edge that a sample stands for in the image, over |M^-T u|^2. Without the latter the ends of a long
-// ellipse would count for too much: 0.002 px of the centre for a radius of 14 px, 60 degrees of tilt and
-// k1 = -0.28, 0.04 px for 40 px and k1 = 0.33. With it 0.0001 px are left of the true least distances.
-// The fitted conic's centre then goes back through M. For an undistorted circle the conic is exact, whatever N.
+// order in the deviation from an ellipse; the deviation itself is of second order in the radius. A
+// distance along the normal u there is 1 / |M^-T u| times that in the image. So weights are the
+// length of edge that a sample stands for in the image, over |M^-T u|^2. Without the latter the
+// ends of a long ellipse would count for too much: 0.002 px of the centre for a radius of 14 px, 60
+// degrees of tilt and k1 = -0.28, 0.04 px for 40 px and k1 = 0.33. With it 0.0001 px are left of
+// the true least distances. The fitted conic's centre then goes back through M. For an undistorted
+// circle the conic is exact, whatever N.
 #include "host/solve/circle_centre.h"
 
 #include <Eigen/Cholesky>
@@ -52,7 +53,8 @@ Eigen::Vector2d conic_centre(const Samples& edge)
     const Eigen::Matrix2d inverse_axes = axes.inverse();
     const Samples u = inverse_axes * (edge.colwise() - mean);
     const Samples gradient = inverse_axes.transpose() * u;
-    // Lower triangle of the normal matrix of the columns 1, u, v, u^2 - v^2, u v, and the right side.
+    // Lower triangle of the normal matrix of the columns 1, u, v, u^2 - v^2, u v, and the right
+    // side.
     std::array<double, 15> sums{};
     Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
     for (int k = 0; k < kSamples; ++k) {

@@ -1,5 +1,5 @@
-// See prior_poses.h. Relative poses are compared component by component: their median over the places at which both
-// cameras see a board, its deviation from the median deviation.
+// See prior_poses.h. Relative poses are compared component by component: their median over the
+// places at which both cameras see a board, its deviation from the median deviation.
 #include "host/solve/prior_poses.h"
 
 #include <fmt/format.h>
@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kSigmas = 6.0;
 constexpr std::size_t kPlacesMin = 3;  // fewer do not tell how they scatter
-// Noise over that of the camera alone from which it is worth a second solution, and over that of the second
-// which is no chance: the noise of some hundred points is known to a few per cent.
+// Noise over that of the camera alone from which it is worth a second solution, and over that of
+// the second which is no chance: the noise of some hundred points is known to a few per cent.
 constexpr double kStrained = 1.3;
 constexpr double kWorseByPrior = 1.2;
 constexpr double kDegreesPerRadian = 180.0 / 3.14159265358979323846;
@@ -57,12 +57,15 @@ void settle(const std::vector<Pose>& seen, const Value& value, double* median, d
 
 std::vector<Pair> pairs_of(const Prior& prior, const ViewSet& set)
 {
-    // A camera's own lens may be known too badly from a few views: its focal length scales distances.
-    std::map<std::pair<int, std::int64_t>, std::vector<std::pair<int, Pose>>> places;  // board, frame: cameras
+    // A camera's own lens may be known too badly from a few views: its focal length scales
+    // distances.
+    using Seen = std::vector<std::pair<int, Pose>>;             // cameras
+    std::map<std::pair<int, std::int64_t>, Seen> places;  // by board and frame
     for (const View& view : set.views) {
         const int place = prior.place[static_cast<std::size_t>(view.camera)];
         if (place >= 0) {
-            const auto pose = seed_pose(prior.lenses[static_cast<std::size_t>(place)], thinned(view, kApproachPoints));
+            const auto pose = seed_pose(prior.lenses[static_cast<std::size_t>(place)],
+                                        thinned(view, kApproachPoints));
             if (pose) {
                 places[{view.board, view.frame}].emplace_back(view.camera, *pose);
             }
@@ -91,8 +94,8 @@ std::vector<Pair> pairs_of(const Prior& prior, const ViewSet& set)
         };
         pair.known = prior.cam_from_rig[place(pair.b)] * inverse(prior.cam_from_rig[place(pair.a)]);
         for (int axis = 0; axis < 3; ++axis) {
-            settle(pair.seen, [&](const Pose& pose) { return pose.translation_mm[axis]; }, &pair.shift_mm[axis],
-                   &pair.shift_sigma_mm[axis]);
+            settle(pair.seen, [&](const Pose& pose) { return pose.translation_mm[axis]; },
+                   &pair.shift_mm[axis], &pair.shift_sigma_mm[axis]);
             settle(pair.seen,
                    [&](const Pose& pose) {
                        return rotation_log(pose.rotation * pair.known.rotation.transpose())[axis];
@@ -113,7 +116,8 @@ bool turned(const Pair& pair)
 bool shifted(const Pair& pair, double factor)
 {
     const double off = (pair.shift_mm - factor * pair.known.translation_mm).norm();
-    return off > std::max(kScaleWorstPart * pair.known.translation_mm.norm(), kSigmas * pair.shift_sigma_mm.norm());
+    return off > std::max(kScaleWorstPart * pair.known.translation_mm.norm(),
+                          kSigmas * pair.shift_sigma_mm.norm());
 }
 
 }  // namespace
@@ -121,7 +125,9 @@ bool shifted(const Pair& pair, double factor)
 Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& set)
 {
     const std::vector<Pair> pairs = pairs_of(prior, set);
-    const auto name = [&](int camera) { return scene.cameras[static_cast<std::size_t>(camera)].name; };
+    const auto name = [&](int camera) {
+        return scene.cameras[static_cast<std::size_t>(camera)].name;
+    };
     std::vector<double> factors;
     for (const Pair& pair : pairs) {
         factors.push_back(pair.factor());
@@ -136,23 +142,23 @@ Status check_prior_poses(const Scene& scene, const Prior& prior, const ViewSet& 
         }
         if (of_size) {
             return Status::failure(fmt::format(
-                "the boards contradict the prior {} in size: cameras '{}' and '{}' are {:.1f} mm apart by the boards "
-                "and {:.1f} mm in the prior, {:.1f} % {}, in the same direction; measure the print and correct its "
-                "file, or leave --prior-poses out",
-                prior.source, name(pair.a), name(pair.b), pair.shift_mm.norm(), pair.known.translation_mm.norm(),
-                100.0 * std::abs(pair.factor() - 1.0), pair.factor() > 1.0 ? "more" : "less"));
+                "the boards contradict the prior {} in size: cameras '{}' and '{}' are {:.1f} mm "
+                "apart by the boards and {:.1f} mm in the prior, {:.1f} % {}, in the same direction; "
+                "measure the print and correct its file, or leave --prior-poses out",
+                prior.source, name(pair.a), name(pair.b), pair.shift_mm.norm(),
+                pair.known.translation_mm.norm(), 100.0 * std::abs(pair.factor() - 1.0), pair.factor() > 1.0 ? "more" : "less"));
         }
         return Status::failure(fmt::format(
-            "cameras '{}' and '{}' do not stand to each other as in the prior {}: they differ by {:.3f} degrees and "
-            "{:.1f} mm; one of them was moved since: leave --prior-poses out",
+            "cameras '{}' and '{}' do not stand to each other as in the prior {}: they differ by "
+            "{:.3f} degrees and {:.1f} mm; one of them was moved since: leave --prior-poses out",
             name(pair.a), name(pair.b), prior.source, kDegreesPerRadian * pair.turn_rad.norm(),
             (pair.shift_mm - pair.known.translation_mm).norm()));
     }
     return Status();
 }
 
-Status check_prior_met(const Scene& scene, const BundleOptions& options, const std::vector<double>& alone_px,
-                       const Solution& solution)
+Status check_prior_met(const Scene& scene, const BundleOptions& options,
+                       const std::vector<double>& alone_px, const Solution& solution)
 {
     const Prior& prior = *options.prior;
     double degrees = 0.0;
@@ -163,20 +169,21 @@ Status check_prior_met(const Scene& scene, const BundleOptions& options, const s
     const double squares = prior_squares(prior, solution.state, takes_part, &degrees);
     const double sigmas = degrees > 0.0 ? chi_square_normal(squares, degrees) : 0.0;
     const std::string since =
-        prior.poses ? "a camera was moved or a lens was changed since, or the boards are not of the size that they "
-                      "had; leave --prior-poses out"
+        prior.poses ? "a camera was moved or a lens was changed since, or the boards are not of the "
+                      "size that they had; leave --prior-poses out"
                     : "a lens was changed since; leave the prior out";
     if (sigmas > kPriorSigmas) {
-        return Status::failure(fmt::format("the joint solution contradicts the prior {} by {:.0f} sigmas: {}",
-                                           prior.source, std::min(sigmas, 999.0), since));
+        return Status::failure(
+            fmt::format("the joint solution contradicts the prior {} by {:.0f} sigmas: {}",
+                        prior.source, std::min(sigmas, 999.0), since));
     }
     const std::vector<double> with_px = noise_px(solution.state, solution.set.views);
-    const bool strained =
-        prior.poses && std::any_of(solution.cameras.begin(), solution.cameras.end(), [&](int camera) {
-            const auto c = static_cast<std::size_t>(camera);
-            return with_px[c] > kStrained * alone_px[c];
-        });
-    if (!strained) {
+    const auto strains = [&](int camera) {
+        const auto c = static_cast<std::size_t>(camera);
+        return with_px[c] > kStrained * alone_px[c];
+    };
+    if (!prior.poses
+        || std::none_of(solution.cameras.begin(), solution.cameras.end(), strains)) {
         return Status();
     }
     Prior lenses = prior;
@@ -191,8 +198,8 @@ Status check_prior_met(const Scene& scene, const BundleOptions& options, const s
         const auto c = static_cast<std::size_t>(camera);
         if (with_px[c] > kWorseByPrior * without_px[c]) {
             return Status::failure(fmt::format(
-                "the joint solution contradicts the prior {}: with its poses camera '{}' fits its boards to {:.3f} px, "
-                "without them to {:.3f} px: {}",
+                "the joint solution contradicts the prior {}: with its poses camera '{}' fits its "
+                "boards to {:.3f} px, without them to {:.3f} px: {}",
                 prior.source, scene.cameras[c].name, with_px[c], without_px[c], since));
         }
     }

@@ -359,7 +359,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
                          solution.set.poses.size()));
     bundle_options.lens = LensFreedom::kAll;
     const RefineResult refined = refine(bundle_options, &solution.set.views, &solution.state);
-    status = options.prior != nullptr ? check_prior_met(scene, bundle_options, alone_px, solution) : Status();
+    status = options.prior != nullptr
+                 ? check_prior_met(scene, bundle_options, alone_px, solution)
+                 : Status();
     if (status.ok()) {
         status = check_moved(scene, solution);
     }
