@@ -35,6 +35,7 @@ host_SRC := \
   host/solve/frame_quadratic.cc \
   host/solve/flexible.cc \
   host/solve/flexible_covariance.cc \
+  host/solve/flexible_layout.cc \
   host/solve/flexible_system.cc \
   host/solve/heldout.cc \
   host/solve/hand_eye.cc \
@@ -50,11 +51,18 @@ host_SRC := \
   host/solve/prior_poses.cc \
   host/solve/richer.cc \
   host/solve/rig.cc \
+  host/solve/rolling_cost.cc \
+  host/solve/rolling_information.cc \
+  host/solve/rolling_kernel.cc \
+  host/solve/row_times.cc \
   host/solve/scale.cc \
   host/solve/seed_opencv.cc \
+  host/solve/shutter.cc \
   host/solve/swapped.cc \
   host/solve/surface.cc \
   host/solve/uncertainty.cc \
+  host/solve/velocity_elimination.cc \
+  host/solve/velocity_prior.cc \
   host/solve/view_cost.cc \
   host/solve/view_kernel.cc \
   host/solve/views.cc \
@@ -73,6 +81,7 @@ host_SRC := \
   host/report/reach.cc \
   host/report/rig_file.cc \
   host/report/sensitivity.cc \
+  host/report/shutter_json.cc \
   host/report/spline_json.cc \
   host/report/statistics.cc \
   host/report/summary.cc \

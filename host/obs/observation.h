@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 namespace rig {
@@ -14,6 +15,8 @@ struct SceneCamera {
     std::string name;
     int width_px = 0;
     int height_px = 0;
+    double row_time_ns = 0.0;         // from row to row, downwards; 0: global shutter
+    bool estimate_row_time = false;  // it is not known, and is to be found
 };
 
 // A point feature, or a circle in a plane z = constant whose observed quantity is the centre of the
@@ -63,6 +66,8 @@ struct Scene {
     std::vector<Board> boards;
     std::vector<Baseline> baselines;
     std::vector<Observation> observations;      // sorted: camera, frame, board, point
+    // First row's exposure after the earliest camera's of this frame, by camera and frame; absent: none.
+    std::map<std::pair<int, std::int64_t>, std::int64_t> stamps_ns;
     std::map<std::string, std::size_t> rejected;  // counts by reason, before solving
     std::vector<InputFile> inputs;
 };

@@ -137,7 +137,12 @@ Status add_cameras(const std::vector<Packet>& packets,
                 clock_name(header.clock_kind)));
         }
         if (scene->cameras.empty() || scene->cameras.back().name != packet.camera) {
-            scene->cameras.push_back({packet.camera, header.width_px, header.height_px});
+            scene->cameras.push_back({packet.camera, header.width_px, header.height_px,
+                                      static_cast<double>(header.row_time_ns)});
+        } else if (static_cast<double>(header.row_time_ns) != scene->cameras.back().row_time_ns) {
+            return Status::failure(fmt::format(
+                "camera '{}' changed its row time from {} to {} ns: solve recordings of each apart",
+                packet.camera, scene->cameras.back().row_time_ns, header.row_time_ns));
         } else if (scene->cameras.back().width_px != header.width_px
                    || scene->cameras.back().height_px != header.height_px) {
             return Status::failure(fmt::format(
@@ -147,6 +152,20 @@ Status add_cameras(const std::vector<Packet>& packets,
         }
     }
     return Status();
+}
+
+// How much later than its instant's first each frame was captured.
+void add_stamps(const std::vector<Capture>& captures, const std::vector<std::int64_t>& instants,
+                Scene* scene)
+{
+    std::map<std::int64_t, std::int64_t> first_ns;
+    for (std::size_t i = 0; i < captures.size(); ++i) {
+        const auto [found, is_new] = first_ns.emplace(instants[i], captures[i].t_ns);
+        found->second = std::min(found->second, captures[i].t_ns);
+    }
+    for (std::size_t i = 0; i < captures.size(); ++i) {
+        scene->stamps_ns[{captures[i].camera, instants[i]}] = captures[i].t_ns - first_ns[instants[i]];
+    }
 }
 
 }  // namespace
@@ -185,6 +204,7 @@ Result<Scene> observe(const std::vector<std::string>& journals,
     }
     const std::vector<std::int64_t> instants = find_instants(
         captures, options.tolerance_ns >= 0 ? options.tolerance_ns : default_tolerance_ns(captures));
+    add_stamps(captures, instants, &scene);
     for (std::size_t i = 0; i < packets.size(); ++i) {
         for (const Sighting& seen : packets[i].sightings) {
             const auto found = board_of_point.find(seen.point);

@@ -2,6 +2,7 @@
 #include "host/obs/scene.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -18,6 +19,7 @@ namespace {
 using nlohmann::json;
 
 constexpr int kSidePxMax = 100000;
+constexpr double kRowTimeMaxNs = 1e6;  // a row a millisecond: slower than any camera that films
 
 bool known_key(const std::string& key, const std::set<std::string>& known)
 {
@@ -85,6 +87,22 @@ Status check_name(const json& entry, const std::string& where, std::set<std::str
     return Status();
 }
 
+// "row_time_ns" of a camera: a number, or "estimate". Negative where the image is upside down.
+Status read_row_time(const json& entry, const std::string& where, SceneCamera* camera)
+{
+    const json value = entry.value("row_time_ns", json(0));
+    camera->estimate_row_time = value == "estimate";
+    if (camera->estimate_row_time) {
+        return Status();
+    }
+    if (!value.is_number() || std::abs(value.get<double>()) > kRowTimeMaxNs) {
+        return Status::failure(where + ": 'row_time_ns' must be \"estimate\" or a number of nanoseconds from "
+                               "-1000000 to 1000000");
+    }
+    camera->row_time_ns = value;
+    return Status();
+}
+
 Result<std::vector<SceneCamera>> read_cameras(const json& list, const std::string& path)
 {
     std::vector<SceneCamera> cameras;
@@ -95,7 +113,7 @@ Result<std::vector<SceneCamera>> read_cameras(const json& list, const std::strin
         if (!named.ok()) {
             return named;
         }
-        const std::string odd = unknown_key(entry, {"name", "width", "height"});
+        const std::string odd = unknown_key(entry, {"name", "width", "height", "row_time_ns"});
         if (!odd.empty()) {
             return Status::failure(where + ": unknown key '" + odd + "'");
         }
@@ -107,6 +125,10 @@ Result<std::vector<SceneCamera>> read_cameras(const json& list, const std::strin
             }
         }
         cameras.push_back({entry["name"], entry["width"], entry["height"]});
+        const Status timed = read_row_time(entry, where, &cameras.back());
+        if (!timed.ok()) {
+            return timed;
+        }
     }
     return cameras;
 }

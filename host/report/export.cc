@@ -6,6 +6,7 @@
 #include "common/version.h"
 #include "host/report/choice_report.h"
 #include "host/report/covariance_json.h"
+#include "host/report/shutter_json.h"
 #include "host/report/spline_json.h"
 
 namespace rig {
@@ -43,9 +44,10 @@ void add_lengths(const LengthStatistics& lengths, ordered_json* out)
     (*out)["rejected"] = lengths.rejected;
 }
 
-ordered_json camera_json(const SceneCamera& known, const Solution& solution, std::size_t camera,
+ordered_json camera_json(const Scene& scene, const Solution& solution, std::size_t camera,
                          const CameraStatistics& statistics)
 {
+    const SceneCamera& known = scene.cameras[camera];
     const Camera& lens = solution.state.lenses[camera];
     const std::vector<double>& numbers = lens.intrinsics;
     ordered_json out{{"name", known.name}, {"width", known.width_px}, {"height", known.height_px}};
@@ -63,6 +65,7 @@ ordered_json camera_json(const SceneCamera& known, const Solution& solution, std
     if (solution.gauge_cameras.size() > 1) {
         out["part"] = solution.part_of_camera[camera];
     }
+    add_row_time(scene, solution, camera, &out);
     add_lengths(statistics.lengths, &out);
     out["views"] = statistics.views;
     out["points_per_frame"] = statistics.points_per_view;
@@ -126,6 +129,7 @@ ordered_json frames_json(const Scene& scene, const Solution& solution)
         frames.push_back({{"frame", frame},
                           {"board", scene.boards[static_cast<std::size_t>(board)].name},
                           {"rig_from_board", pose_json(rig_from_board(solution.state, *view))}});
+        add_velocity(solution, *view, &frames.back());
         if (has_parts) {
             frames.back()["part"] = part;
         }
@@ -162,7 +166,7 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
     for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
         const auto camera = static_cast<std::size_t>(solution.cameras[i]);
         out["cameras"].push_back(
-            camera_json(scene.cameras[camera], solution, camera, statistics.cameras[i]));
+            camera_json(scene, solution, camera, statistics.cameras[i]));
         add_reach(scene, statistics.reach.cameras[i], &out["cameras"].back());
     }
     out["volume_mm"] = {{"from", list(statistics.reach.from_mm)}, {"to", list(statistics.reach.to_mm)}};
@@ -177,6 +181,10 @@ ordered_json rig_json(const Scene& scene, const Solution& solution, const Statis
              {"seen_from", seen_from(statistics.reach, static_cast<int>(b))}});
     }
     out["frames"] = frames_json(scene, solution);
+    const ordered_json motion = motion_json(scene, solution);
+    if (!motion.is_null()) {
+        out["motion"] = motion;
+    }
     out["held_out"] = choice_json(solution.choice);
     out["left_out"] = solution.left_out;
     ordered_json inputs = ordered_json::array();

@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "host/report/choice_report.h"
+#include "host/report/shutter_json.h"
 
 namespace rig {
 namespace {
@@ -265,6 +266,10 @@ Result<std::string> summary_text(const ordered_json& rig, const std::string& sou
         const std::string models = choice_text(rig);
         if (!models.empty()) {
             text += "\nModels\n" + models;
+        }
+        const std::string shutters = shutter_text(rig);
+        if (!shutters.empty()) {
+            text += "\nRolling shutters\n" + shutters;
         }
         views(rig, out);
         scale(rig, out);

@@ -36,6 +36,7 @@ struct SolveArguments {
     std::string prior;
     bool prior_poses = false;
     std::vector<std::string> baselines;
+    std::vector<std::string> row_times;  // cameras whose row time is to be found
     int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 };
 
@@ -65,7 +66,25 @@ Origin origin_of(const SolveArguments& arguments, const Scene& scene)
     for (const std::string& baseline : arguments.baselines) {
         origin.command += " --baseline " + baseline;
     }
+    for (const std::string& camera : arguments.row_times) {
+        origin.command += " --estimate-row-time " + camera;
+    }
     return origin;
+}
+
+// Marks the cameras of --estimate-row-time.
+Status mark_row_times(const std::vector<std::string>& names, Scene* scene)
+{
+    for (const std::string& name : names) {
+        const auto found = std::find_if(scene->cameras.begin(), scene->cameras.end(),
+                                        [&](const SceneCamera& camera) { return camera.name == name; });
+        if (found == scene->cameras.end()) {
+            return Status::failure("--estimate-row-time: there is no camera '" + name + "'");
+        }
+        found->row_time_ns = 0.0;
+        found->estimate_row_time = true;
+    }
+    return Status();
 }
 
 Result<Scene> read_input(const SolveArguments& arguments)
@@ -173,6 +192,10 @@ Status solve(const SolveArguments& arguments)
         }
     }
     drop_repeats(&scene.value());
+    const Status marked = mark_row_times(arguments.row_times, &scene.value());
+    if (!marked.ok()) {
+        return marked;
+    }
     say(fmt::format("read {} observations of {} cameras", scene.value().observations.size(),
                     scene.value().cameras.size()));
     SolveOptions options;
@@ -229,6 +252,9 @@ void add_solve(CLI::App& app)
                         "CAMERA,CAMERA,MM,SIGMA_MM: a known distance of two cameras' centres, compared with the "
                         "result; may be repeated")
         ->allow_extra_args(false);
+    command->add_option("--estimate-row-time", arguments->row_times,
+                        "Find the row time of this camera's rolling shutter; may be repeated. One of another "
+                        "camera must be known");
     command->add_option("--threads", arguments->threads,
                         "Threads to compute on, all cores where not given; the result is the same")
         ->check(CLI::Range(1, 1024));

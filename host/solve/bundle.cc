@@ -18,7 +18,7 @@
 #include "host/base/parallel.h"
 #include "host/solve/lens_prior.h"
 #include "host/solve/prior.h"
-#include "host/solve/view_cost.h"
+#include "host/solve/rolling_cost.h"
 
 namespace rig {
 namespace {
@@ -49,8 +49,12 @@ class Parameters {
 public:
     explicit Parameters(const RigState& state)
     {
-        for (const Vector6& pose : state.rig_from_body) {
-            append(pose.data(), 6, &bodies_);
+        for (std::size_t i = 0; i < state.rig_from_body.size(); ++i) {
+            append(state.rig_from_body[i].data(), 6, &bodies_);
+            if (!state.shutter.empty()) {  // behind the pose: one block
+                values_.insert(values_.end(), state.shutter.velocity[i].begin(),
+                               state.shutter.velocity[i].end());
+            }
         }
         for (const Camera& lens : state.lenses) {
             append(lens.intrinsics.data(), lens.intrinsics.size(), &lenses_);
@@ -61,15 +65,22 @@ public:
         for (const Vector6& pose : state.body_from_board) {
             append(pose.data(), 6, &members_);
         }
+        for (const double& row_time_s : state.shutter.row_time_s) {
+            append(&row_time_s, 1, &row_times_);
+        }
     }
     double* body(std::size_t pose) { return values_.data() + bodies_[pose]; }
     double* lens(std::size_t camera) { return values_.data() + lenses_[camera]; }
     double* camera(std::size_t camera) { return values_.data() + cameras_[camera]; }
     double* member(std::size_t member) { return values_.data() + members_[member]; }
+    double* row_time(std::size_t camera) { return values_.data() + row_times_[camera]; }
     void copy_to(RigState* state) const
     {
         for (std::size_t i = 0; i < bodies_.size(); ++i) {
             state->rig_from_body[i] = Eigen::Map<const Vector6>(values_.data() + bodies_[i]);
+            if (!state->shutter.empty()) {
+                state->shutter.velocity[i] = Eigen::Map<const Vector6>(values_.data() + bodies_[i] + 6);
+            }
         }
         for (std::size_t i = 0; i < lenses_.size(); ++i) {
             std::vector<double>& numbers = state->lenses[i].intrinsics;
@@ -79,6 +90,9 @@ public:
         }
         for (std::size_t i = 0; i < members_.size(); ++i) {
             state->body_from_board[i] = Eigen::Map<const Vector6>(values_.data() + members_[i]);
+        }
+        for (std::size_t i = 0; i < row_times_.size(); ++i) {
+            state->shutter.row_time_s[i] = values_[row_times_[i]];
         }
     }
 
@@ -93,6 +107,7 @@ private:
     std::vector<std::size_t> lenses_;
     std::vector<std::size_t> cameras_;
     std::vector<std::size_t> members_;
+    std::vector<std::size_t> row_times_;
 };
 
 // Compresses all views whenever Ceres goes to another point. Most steps are taken, so derivatives
@@ -104,8 +119,10 @@ public:
     {
     }
     void add(const View& view) { views_.push_back(&view); }
-    void reserve_all() { compressed_.resize(views_.size()); }
+    void reserve_all() { rolls() ? rolling_.resize(views_.size()) : compressed_.resize(views_.size()); }
+    bool rolls() const { return !state_.shutter.empty(); }
     const CompressedView* compressed(std::size_t i) const { return &compressed_[i]; }
+    const RollingView* rolling(std::size_t i) const { return &rolling_[i]; }
     const std::vector<const View*>& views() const { return views_; }
     Parameters& parameters() { return parameters_; }
     void PrepareForEvaluation(bool, bool is_new) override
@@ -116,8 +133,12 @@ public:
         parameters_.copy_to(&state_);
         parallel_for(views_.size(), options_.threads, 4, [&](std::size_t i) {
             const auto camera = static_cast<std::size_t>(views_[i]->camera);
-            compress(*views_[i], state_, options_.cauchy.empty() ? 0.0 : options_.cauchy[camera],
-                     &compressed_[i]);
+            const double cauchy = options_.cauchy.empty() ? 0.0 : options_.cauchy[camera];
+            if (rolls()) {
+                compress(*views_[i], state_, cauchy, &rolling_[i]);
+            } else {
+                compress(*views_[i], state_, cauchy, &compressed_[i]);
+            }
         });
     }
 
@@ -127,29 +148,68 @@ private:
     RigState state_;
     std::vector<const View*> views_;
     std::vector<CompressedView> compressed_;
+    std::vector<RollingView> rolling_;
 };
+
+// The block of one view, and what else hangs on its parameters where shutters roll.
+std::unique_ptr<ceres::CostFunction> view_cost(const RigState& state, const Evaluation& evaluation,
+                                               std::size_t i)
+{
+    const View& view = *evaluation.views()[i];
+    const auto camera = static_cast<std::size_t>(view.camera);
+    const auto lens_count = static_cast<int>(state.lenses[camera].intrinsics.size());
+    const bool is_member = view.member != kNoMember;
+    if (evaluation.rolls()) {
+        return std::make_unique<RollingCost>(evaluation.rolling(i), lens_count, is_member,
+                                             state.shutter.estimated[camera] != 0);
+    }
+    return std::make_unique<ViewCost>(evaluation.compressed(i), lens_count, is_member);
+}
+
+// Velocities have a prior each; row times that are solved for come after all else.
+void add_shutter(const RigState& state, const std::set<double*>& bodies,
+                 const std::set<std::size_t>& cameras, Parameters* parameters, ceres::Problem* problem,
+                 ceres::ParameterBlockOrdering* ordering)
+{
+    for (double* body : bodies) {
+        auto known = std::make_unique<VelocityCost>(state.shutter.deviation);
+        problem->AddResidualBlock(known.release(), nullptr, body);
+    }
+    for (const std::size_t camera : cameras) {
+        if (state.shutter.estimated[camera] != 0) {
+            ordering->AddElementToGroup(parameters->row_time(camera), 1);
+        }
+    }
+}
 
 // Adds the views' blocks; returns the cameras that take part.
 std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, ceres::Problem* problem,
                                 ceres::ParameterBlockOrdering* ordering)
 {
     std::set<std::size_t> cameras;
+    std::set<double*> bodies;
     Parameters& parameters = evaluation->parameters();
     for (std::size_t i = 0; i < evaluation->views().size(); ++i) {
         const View& view = *evaluation->views()[i];
         const auto camera = static_cast<std::size_t>(view.camera);
         const bool is_member = view.member != kNoMember;
-        auto cost = std::make_unique<ViewCost>(
-            evaluation->compressed(i), static_cast<int>(state.lenses[camera].intrinsics.size()), is_member);
+        auto cost = view_cost(state, *evaluation, i);
         double* body = parameters.body(view.pose);
         std::vector<double*> blocks{parameters.lens(camera), parameters.camera(camera), body};
         if (is_member) {
             blocks.push_back(parameters.member(static_cast<std::size_t>(view.member)));
             ordering->AddElementToGroup(blocks.back(), 1);
         }
+        if (evaluation->rolls() && state.shutter.estimated[camera] != 0) {
+            blocks.push_back(parameters.row_time(camera));
+        }
         problem->AddResidualBlock(cost.release(), nullptr, blocks);
         ordering->AddElementToGroup(body, 0);
+        bodies.insert(body);
         cameras.insert(camera);
+    }
+    if (evaluation->rolls()) {
+        add_shutter(state, bodies, cameras, &parameters, problem, ordering);
     }
     return cameras;
 }

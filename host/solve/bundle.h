@@ -1,5 +1,6 @@
 // One least-squares solve over views: lenses, camera poses, body poses and the boards' places on
-// their bodies together. Body poses are eliminated first (Schur), one block a view.
+// their bodies together. Body poses are eliminated first (Schur), one block a view. Where shutters roll
+// (shutter.h) a body's velocity goes with its pose, and row times that are asked for with the lenses.
 #pragma once
 
 #include <functional>

@@ -24,6 +24,8 @@ struct RigCovariance {
     std::vector<Eigen::Index> lens;  // by camera: first row of its intrinsics; -1 where not solved
     std::vector<Eigen::Index> pose;  // by camera: first row of its pose; -1 where it has none
     std::vector<Eigen::Index> motion;  // by camera: first row of its part's implied motion; -1 likewise
+    // Standard deviation of each camera's row time where that was solved for, else 0; has no row. s
+    std::vector<double> row_time_s = {};
 };
 
 }  // namespace rig

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "host/solve/surface.h"
+#include "host/solve/velocity_elimination.h"
 
 namespace rig {
 namespace {
@@ -132,7 +133,8 @@ struct Step {
     bool good = false;
     Eigen::VectorXd columns;
     Eigen::VectorXd poses;
-    double gain = 0.0;  // predicted fall of the sum of squares
+    Eigen::VectorXd velocities;  // empty where no shutter rolls
+    double gain = 0.0;           // predicted fall of the sum of squares
 };
 
 // What remains of a system when the body poses are eliminated.
@@ -234,6 +236,14 @@ void move(const FlexibleLayout& layout, const Step& step, RigState* state)
     for (std::size_t p = 0; p < state->rig_from_body.size(); ++p) {
         state->rig_from_body[p] += step.poses.segment<6>(static_cast<Eigen::Index>(6 * p));
     }
+    for (std::size_t p = 0; p < state->shutter.velocity.size(); ++p) {
+        state->shutter.velocity[p] += step.velocities.segment<6>(static_cast<Eigen::Index>(6 * p));
+    }
+    for (std::size_t c = 0; c < state->shutter.row_time_s.size(); ++c) {
+        if (layout.row_time[c] >= 0) {
+            state->shutter.row_time_s[c] += step.columns[layout.row_time[c]];
+        }
+    }
 }
 
 int gauge_rows(const FlexibleLayout& layout)
@@ -267,16 +277,20 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
         if (!sum_points(views, use, boards, *state, layout, true, &system)) {
             return result;
         }
-        const double cost = system.squares + add_priors(priors, layout, state, &system);
+        const double cost = system.squares + velocity_cost(state->shutter)
+                            + add_priors(priors, layout, state, &system);
+        const VelocityElimination velocities(state->shutter, &system);
         result.squares = system.squares;
         result.points = system.points;
         result.usable = true;
         bool better = false;
         double fall = 0.0;
         while (!better && damping < kDampingMax) {
-            const Step step = solve_step(system, damping);
+            Step step = solve_step(system, damping);
             RigState there = *state;
             if (step.good) {
+                step.velocities = velocities.step(system, step.columns, step.poses);
+                step.gain += velocities.gain();
                 result.first_gain = first ? step.gain : result.first_gain;
                 first = false;
                 if (options.iterations_max == 0) {
@@ -284,7 +298,9 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
                 }
                 move(layout, step, &there);
                 better = sum_points(views, use, boards, there, layout, false, &tried);
-                fall = better ? cost - tried.squares - add_priors(priors, layout, &there, nullptr) : 0.0;
+                fall = better ? cost - tried.squares - velocity_cost(there.shutter)
+                                    - add_priors(priors, layout, &there, nullptr)
+                              : 0.0;
                 better = better && fall >= 0.0;
             }
             if (better) {
@@ -329,6 +345,7 @@ FlexibleInformation flexible_information(const std::vector<View>& views,
     if (sum_points(views, use, boards, state, out.layout, true, &system)) {
         RigState copy = state;
         add_priors(make_priors(state, out.layout, boards, cameras), out.layout, &copy, &system);
+        const VelocityElimination velocities(state.shutter, &system);
         Reduced reduced = eliminate_poses(system, 0.0);
         if (reduced.good) {
             out.matrix = std::move(reduced.schur);

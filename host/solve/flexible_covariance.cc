@@ -66,7 +66,7 @@ Eigen::MatrixXd rows_wanted(const std::vector<View>& views, const FlexibleLayout
     for (const int camera : cameras) {
         const bool gauge = std::count(gauge_cameras.begin(), gauge_cameras.end(), camera) != 0;
         size += static_cast<Eigen::Index>(state.lenses[static_cast<std::size_t>(camera)].intrinsics.size())
-                + (gauge ? 0 : 6);
+                + (gauge ? 0 : 6) + (layout.row_time[static_cast<std::size_t>(camera)] < 0 ? 0 : 1);
     }
     Eigen::MatrixXd out = Eigen::MatrixXd::Zero(size, layout.size);
     Eigen::Index row = 0;
@@ -90,6 +90,10 @@ Eigen::MatrixXd rows_wanted(const std::vector<View>& views, const FlexibleLayout
     }
     for (const Eigen::Index member : layout.member) {
         same(member, 6);
+    }
+    for (const int camera : cameras) {
+        const Eigen::Index row_time = layout.row_time[static_cast<std::size_t>(camera)];
+        same(row_time, row_time < 0 ? 0 : 1);
     }
     return out;
 }

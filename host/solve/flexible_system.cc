@@ -3,10 +3,11 @@
 //     field x by dense  w e_x'     field by field  w w' / sigma^2     surface by surface  w w' |h|^2
 #include "host/solve/flexible_system.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <optional>
 
-#include "host/solve/pose_chain.h"
+#include "host/solve/rolling_kernel.h"
 
 namespace rig {
 namespace {
@@ -14,7 +15,7 @@ namespace {
 // A point nearer than this to the plane of the lens is no measurement.
 constexpr double kDepthMinMm = 1e-3;
 
-enum { kDenseMax = kIntrinsicsMax + 6, kSlabRows = 64 };
+enum { kDenseMax = kIntrinsicsMax + kRollingMotionCount, kSlabRows = 64 };
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
@@ -22,7 +23,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 //     p_cam = q + w x q + t_motion + translation,  q = R p_board,  motion = (w, t_motion).
 struct PointRow {
     Eigen::Vector2d residual;
-    Eigen::Matrix<double, 2, kDenseMax> dense;  // intrinsics, motion
+    Eigen::Matrix<double, 2, kDenseMax> dense;  // intrinsics, motion, and where shutters roll its growth
     Eigen::Vector2d by_height;
     BsplineSupport field;
     BsplineSupport surface;
@@ -42,8 +43,11 @@ public:
         : lens_(state.lenses[static_cast<std::size_t>(view.camera)]),
           board_(boards[static_cast<std::size_t>(view.board)]), pose_(cam_from_board(state, view)),
           lens_count_(static_cast<Eigen::Index>(lens_.intrinsics.size())),
-          surface_(surface_of(state, view.board))
+          surface_(surface_of(state, view.board)), rolls_(!state.shutter.empty())
     {
+        if (rolls_) {
+            change_ = motion_change(view, state);
+        }
     }
 
     bool row(const ViewPoint& point, bool derive, PointRow* out) const
@@ -59,7 +63,7 @@ public:
         ProjectionJacobian derivative;
         if ((lens_.model != CameraModel::kFisheye && in_camera.z() < kDepthMinMm)
             || !project_formula(lens_.model, lens_.intrinsics.data(), in_camera, &pixel,
-                                derive ? &derivative : nullptr)) {
+                                derive || rolls_ ? &derivative : nullptr)) {
             return false;
         }
         Eigen::Matrix2d bend = Eigen::Matrix2d::Identity();
@@ -68,6 +72,10 @@ public:
             Eigen::Matrix2d slope;
             pixel += lens_.field.at(pixel, &slope);
             bend += slope;
+        }
+        if (rolls_) {
+            const Vector6 motion = change_.first + point.pixel.y() * change_.growth;
+            pixel += bend * derivative.by_point * (motion.head<3>().cross(turned) + motion.tail<3>());
         }
         out->weight = 1.0 / point.sigma_px;
         out->residual = out->weight * (pixel + point.centre_offset_px.cast<double>() - point.pixel);
@@ -78,11 +86,15 @@ public:
             out->dense.middleCols<3>(lens_count_) = -by_point * skew(turned);
             out->dense.middleCols<3>(lens_count_ + 3) = by_point;
             out->by_height = by_point * pose_.rotation.col(2);
+            if (rolls_) {
+                out->dense.middleCols<6>(lens_count_ + 6) = point.pixel.y() * out->dense.middleCols<6>(lens_count_);
+            }
         }
         return true;
     }
 
     Eigen::Index lens_count() const { return lens_count_; }
+    Eigen::Index dense_count() const { return lens_count_ + (rolls_ ? kRollingMotionCount : 6); }
     const Surface* surface() const { return surface_; }
     const SplineField& field() const { return lens_.field; }
 
@@ -92,6 +104,8 @@ private:
     Pose pose_;
     Eigen::Index lens_count_;
     const Surface* surface_;
+    bool rolls_;
+    MotionChange change_;
 };
 
 // A pose of the chain between board and camera that has columns in the system, and how the motion
@@ -125,13 +139,37 @@ Links links_of(const View& view, const RigState& state, const FlexibleLayout& la
     return links;
 }
 
+// The same where shutters roll: motion and its growth, the velocity eliminated as well.
+struct RollingLinks {
+    Matrix12x6 pose;
+    Matrix12x6 velocity;
+    std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> others;  // first column, map
+};
+
+RollingLinks rolling_links_of(const View& view, const RigState& state, const FlexibleLayout& layout)
+{
+    const RollingMaps maps = rolling_maps(view, state);
+    RollingLinks links{maps.link[1], maps.velocity, {}};
+    const auto add = [&](Eigen::Index at, const Eigen::MatrixXd& map) {
+        if (at >= 0) {
+            links.others.emplace_back(at, map);
+        }
+    };
+    add(layout.camera[static_cast<std::size_t>(view.camera)], maps.link[0]);
+    if (view.member != kNoMember) {
+        add(layout.member[static_cast<std::size_t>(view.member)], maps.link[2]);
+    }
+    add(layout.row_time[static_cast<std::size_t>(view.camera)], maps.row_time);
+    return links;
+}
+
 // Sums of one view, gathered apart and then put in place: its dense block, and what its control points
 // have to do with the dense columns. What control points have to do with each other goes to the
 // system at once.
 class ViewSums {
 public:
     ViewSums(const View& view, const Sight& sight, const FlexibleLayout& layout, FlexibleSystem* system)
-        : view_(view), sight_(sight), system_(system), columns_(sight.lens_count() + 6),
+        : view_(view), sight_(sight), system_(system), columns_(sight.dense_count()),
           lens_(layout.lens[static_cast<std::size_t>(view.camera)]),
           field_(layout.field[static_cast<std::size_t>(view.camera)]),
           surface_(layout.surface[static_cast<std::size_t>(view.board)])
@@ -197,7 +235,73 @@ public:
         couple(surface_, heights_, links);
     }
 
+    // Columns that stand further right are always rows of the lower triangle: row times come last.
+    void finish(const RollingLinks& links)
+    {
+        flush();
+        const Eigen::Index k = sight_.lens_count();
+        const auto pose = static_cast<Eigen::Index>(6 * view_.pose);
+        const Eigen::MatrixXd motion = dense_.bottomRightCorner<12, 12>();
+        const Vector12 pull = gradient_.tail<12>();
+        const Eigen::MatrixXd by_pose = motion * links.pose;
+        const Eigen::MatrixXd by_velocity = motion * links.velocity;
+        system_->own.middleCols<6>(pose) += links.pose.transpose() * by_pose;
+        system_->pose_gradient.segment<6>(pose) += links.pose.transpose() * pull;
+        system_->velocity_own.middleCols<6>(pose) += links.velocity.transpose() * by_velocity;
+        system_->velocity_by_pose.middleCols<6>(pose) += links.velocity.transpose() * by_pose;
+        system_->velocity_gradient.segment<6>(pose) += links.velocity.transpose() * pull;
+        if (lens_ >= 0) {
+            system_->normal.block(lens_, lens_, k, k) += dense_.topLeftCorner(k, k);
+            system_->gradient.segment(lens_, k) += gradient_.head(k);
+            add_across(lens_, dense_.topRightCorner(k, 12), links);
+        }
+        for (std::size_t i = 0; i < links.others.size(); ++i) {
+            const auto& [at, map] = links.others[i];
+            const Eigen::MatrixXd half = map.transpose() * motion;
+            system_->gradient.segment(at, map.cols()) += map.transpose() * pull;
+            add_across(at, half, links);
+            for (std::size_t j = 0; j <= i; ++j) {
+                const auto& [before, other] = links.others[j];
+                system_->normal.block(at, before, map.cols(), other.cols()) += half * other;
+            }
+            if (lens_ >= 0) {
+                system_->normal.block(at, lens_, map.cols(), k) += map.transpose() * dense_.bottomLeftCorner(12, k);
+            }
+        }
+        couple(field_, fields_, links);
+        couple(surface_, heights_, links);
+    }
+
 private:
+    // By motion and growth: `rows` columns of the system from `at` on.
+    void add_across(Eigen::Index at, const Eigen::MatrixXd& by_motion, const RollingLinks& links)
+    {
+        const auto pose = static_cast<Eigen::Index>(6 * view_.pose);
+        system_->across.block(at, pose, by_motion.rows(), 6) += by_motion * links.pose;
+        system_->velocity_across.block(at, pose, by_motion.rows(), 6) += by_motion * links.velocity;
+    }
+
+    void couple(Eigen::Index at, const Eigen::MatrixXd& coupling, const RollingLinks& links)
+    {
+        if (at < 0) {
+            return;
+        }
+        const Eigen::Index k = sight_.lens_count();
+        const Eigen::MatrixXd by_motion = coupling.rightCols<12>();
+        add_across(at, by_motion, links);
+        if (lens_ >= 0) {
+            system_->normal.block(at, lens_, coupling.rows(), k) += coupling.leftCols(k);
+        }
+        for (const auto& [other, map] : links.others) {
+            const Eigen::MatrixXd block = by_motion * map;
+            if (other < at) {
+                system_->normal.block(at, other, block.rows(), block.cols()) += block;
+            } else {
+                system_->normal.block(other, at, block.cols(), block.rows()) += block.transpose();
+            }
+        }
+    }
+
     void flush()
     {
         const auto part = slab_.topRows(filled_);
@@ -305,57 +409,6 @@ private:
 
 }  // namespace
 
-FlexibleLayout make_layout(const RigState& state, const std::vector<View>& views,
-                           const std::vector<char>& use,
-                           const std::vector<int>& gauge_cameras, bool poses_only)
-{
-    FlexibleLayout out;
-    const std::size_t cameras = state.lenses.size();
-    std::size_t boards = state.surfaces.size();
-    std::vector<char> seen(cameras, 0);
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        boards = std::max(boards, static_cast<std::size_t>(views[i].board) + 1);
-        seen[static_cast<std::size_t>(views[i].camera)] |= use[i];
-    }
-    out.lens.assign(cameras, -1);
-    out.camera = out.field = out.lens;
-    out.member.assign(state.body_from_board.size(), -1);
-    out.surface.assign(boards, -1);
-    if (poses_only) {
-        return out;
-    }
-    const auto give = [&](Eigen::Index count) {
-        out.size += count;
-        return out.size - count;
-    };
-    for (std::size_t c = 0; c < cameras; ++c) {
-        if (seen[c] && state.lenses[c].field.empty()) {
-            out.lens[c] = give(static_cast<Eigen::Index>(state.lenses[c].intrinsics.size()));
-        }
-        const auto camera = static_cast<int>(c);
-        if (seen[c] && std::count(gauge_cameras.begin(), gauge_cameras.end(), camera) == 0) {
-            out.camera[c] = give(6);
-        }
-    }
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        if (use[i] && views[i].member != kNoMember
-            && out.member[static_cast<std::size_t>(views[i].member)] < 0) {
-            out.member[static_cast<std::size_t>(views[i].member)] = give(6);
-        }
-    }
-    for (std::size_t c = 0; c < cameras; ++c) {
-        if (seen[c] && !state.lenses[c].field.empty()) {
-            out.field[c] = give(2 * state.lenses[c].field.grid.count());
-        }
-    }
-    for (std::size_t b = 0; b < state.surfaces.size(); ++b) {
-        if (!state.surfaces[b].empty()) {
-            out.surface[b] = give(state.surfaces[b].grid.count());
-        }
-    }
-    return out;
-}
-
 bool sum_points(const std::vector<View>& views, const std::vector<char>& use,
                 const std::vector<Board>& boards, const RigState& state, const FlexibleLayout& layout,
                 bool derive, FlexibleSystem* out)
@@ -369,6 +422,11 @@ bool sum_points(const std::vector<View>& views, const std::vector<char>& use,
         out->across.setZero(layout.size, poses);
         out->own.setZero(6, poses);
         out->pose_gradient.setZero(poses);
+        const Eigen::Index moving = state.shutter.empty() ? 0 : poses;
+        out->velocity_across.setZero(layout.size, moving);
+        out->velocity_own.setZero(6, moving);
+        out->velocity_by_pose.setZero(6, moving);
+        out->velocity_gradient.setZero(moving);
     }
     PointRow row;
     for (std::size_t i = 0; i < views.size(); ++i) {
@@ -393,8 +451,10 @@ bool sum_points(const std::vector<View>& views, const std::vector<char>& use,
                 sums->add(row);
             }
         }
-        if (sums) {
+        if (sums && state.shutter.empty()) {
             sums->finish(links_of(views[i], state, layout));
+        } else if (sums) {
+            sums->finish(rolling_links_of(views[i], state, layout));
         }
     }
     return true;

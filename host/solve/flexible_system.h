@@ -4,7 +4,9 @@
 // poses are eliminated from it.
 //
 // Columns: for each camera its intrinsics (unless it has a field: then they are held) and its
-// cam_from_rig (not for the gauge camera); then boards fixed to their body's first; then fields, x control points before y; then surfaces.
+// cam_from_rig (not for the gauge camera); then boards fixed to their body's first; then fields, x control
+// points before y; then surfaces; then row times that are solved for. Where shutters roll (shutter.h) each
+// pose has a velocity, which is eliminated before it.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,6 +23,7 @@ struct FlexibleLayout {
     std::vector<Eigen::Index> member;   // body_from_board
     std::vector<Eigen::Index> field;    // by camera
     std::vector<Eigen::Index> surface;  // by board
+    std::vector<Eigen::Index> row_time;  // by camera
     Eigen::Index size = 0;
 };
 
@@ -38,6 +41,12 @@ struct FlexibleSystem {
     Eigen::MatrixXd across;
     Eigen::Matrix<double, 6, Eigen::Dynamic> own;
     Eigen::VectorXd pose_gradient;
+    // The same of velocities, and their coupling with poses (rows velocity, columns pose); without columns where
+    // no shutter rolls.
+    Eigen::MatrixXd velocity_across;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> velocity_own;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> velocity_by_pose;
+    Eigen::VectorXd velocity_gradient;
 };
 
 // Sums over the views marked in `use`. With derive false only squares and points. False when a used

@@ -93,6 +93,12 @@ double rank_significance(const Eigen::ArrayXd& gain)
     return n < 10.0 ? 0.0 : sum / std::sqrt(n * (n + 1.0) * (2.0 * n + 1.0) / 6.0) / kNormalQuantile;
 }
 
+// Of a board's place at one instant, and of its velocity there as many as the data tell.
+double unknowns_of_pose(const RigState& state)
+{
+    return 6.0 + (state.shutter.empty() ? 0.0 : state.shutter.told);
+}
+
 class Chooser {
 public:
     Chooser(const Scene& scene, const Halves& halves, const ChoiceOptions& options)
@@ -120,7 +126,7 @@ public:
                 return out;
             }
             out.freedom += 2.0 * static_cast<double>(held.points)
-                           - 6.0 * static_cast<double>(poses_in(1 - h));
+                           - unknowns_of_pose(start[h]) * static_cast<double>(poses_in(1 - h));
         }
         out.total = out.squares.sum();
         out.usable = std::isfinite(out.total);
@@ -147,7 +153,7 @@ public:
         const FlexibleResult rich = look(richer);
         const double more = rich.unknowns - simple.unknowns;
         const double freedom = 2.0 * static_cast<double>(simple.points) - simple.unknowns
-                               - 6.0 * static_cast<double>(poses_in(0) + poses_in(1));
+                               - unknowns_of_pose(richer) * static_cast<double>(poses_in(0) + poses_in(1));
         const double variance = (simple.squares - simple.first_gain) / std::max(1.0, freedom);
         if (!rich.usable || !simple.usable || more <= 0.0 || !(variance > 0.0)) {
             return 0.0;

@@ -9,6 +9,7 @@
 #include "host/solve/lens_change.h"
 #include "host/solve/robust.h"
 #include "host/solve/seed.h"
+#include "host/solve/velocity_prior.h"
 
 namespace rig {
 namespace {
@@ -112,11 +113,13 @@ Status too_few(const SceneCamera& camera, std::size_t count)
 }
 
 // Poses of the views that the lens was not started from, with it held.
-void settle_rest(const OwnViews& views, RigState* state, CameraAlone* alone)
+void settle_rest(const Scene& scene, const SceneCamera& camera, const OwnViews& views, RigState* state,
+                 CameraAlone* alone)
 {
     RigState rest_state{state->lenses, {Vector6::Zero()}, {}, {}};
     std::vector<View> rest;
     add_poses(state->lenses[0], views.rest, views.rest_indices, &rest, &rest_state, alone);
+    start_own_shutter(scene, camera, &rest, &rest_state);
     BundleOptions options;
     options.lens = LensFreedom::kNone;
     if (!rest.empty()) {
@@ -163,6 +166,9 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
     bool found = true;
     for (const LensFreedom lens : {LensFreedom::kFocal, LensFreedom::kRadial, LensFreedom::kAll}) {
         options.lens = lens;
+        if (lens == LensFreedom::kAll) {
+            start_own_shutter(scene, known, &own, &state);
+        }
         found = found && approach(options, own, &state);
     }
     alone.noise_px = found ? noise_px(state, own)[0] : HUGE_VAL;
@@ -186,7 +192,7 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
     }
     alone.noise_px = noise_px(state, own)[0];
     alone.change = find_lens_change(state, own);
-    settle_rest(views, &state, &alone);
+    settle_rest(scene, known, views, &state, &alone);
     alone.lens = state.lenses[0];
     for (const Vector6& pose : state.rig_from_body) {
         alone.cam_from_board.push_back(pose_exp(pose));

@@ -18,9 +18,11 @@
 #include "host/solve/pose_graph.h"
 #include "host/solve/prior.h"
 #include "host/solve/prior_poses.h"
+#include "host/solve/row_times.h"
 #include "host/solve/scale.h"
 #include "host/solve/swapped.h"
 #include "host/solve/uncertainty.h"
+#include "host/solve/velocity_prior.h"
 #include "host/solve/view_kernel.h"
 
 namespace rig {
@@ -210,6 +212,9 @@ void drop_unused_poses(Solution* solution)
             place[i] = count;
             solution->set.poses[count] = solution->set.poses[i];
             solution->state.rig_from_body[count] = solution->state.rig_from_body[i];
+            if (!solution->state.shutter.empty()) {
+                solution->state.shutter.velocity[count] = solution->state.shutter.velocity[i];
+            }
             ++count;
         }
     }
@@ -229,6 +234,9 @@ void drop_unused_poses(Solution* solution)
     }
     solution->set.poses.resize(count);
     solution->state.rig_from_body.resize(count);
+    if (!solution->state.shutter.empty()) {
+        solution->state.shutter.velocity.resize(count);
+    }
 }
 
 // Of a camera's views those that are still in use, without their points.
@@ -345,6 +353,11 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     if (!status.ok()) {
         return status;
     }
+    status = check_row_time_reference(scene, solution.part_of_camera);
+    if (!status.ok()) {
+        return status;
+    }
+    start_shutter(scene, &solution.set, &solution.state);
     BundleOptions bundle_options;
     bundle_options.gauge_cameras = solution.gauge_cameras;
     bundle_options.threads = options.threads;
@@ -384,6 +397,10 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     if (status.ok()) {
         status = check_baselines(scene, solution);
     }
+    if (!status.ok()) {
+        return status;
+    }
+    status = check_row_times(scene, solution);
     if (!status.ok()) {
         return status;
     }

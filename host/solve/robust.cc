@@ -7,6 +7,8 @@
 #include "host/base/median.h"
 #include "host/base/parallel.h"
 #include "host/solve/circle_centre.h"
+#include "host/solve/rolling_kernel.h"
+#include "host/solve/velocity_prior.h"
 #include "host/solve/view_kernel.h"
 
 namespace rig {
@@ -117,6 +119,28 @@ bool offsets_stand(const Camera& lens, const Pose& cam_from_board, const Surface
     return *moved < kStandPx;
 }
 
+// Offsets of a view whose board moves while rows are read: that of the circle where its row sees it, and
+// what it has moved. Returns the largest change, px.
+double update_rolling_offsets(const RigState& state, View* view)
+{
+    const Camera& lens = state.lenses[static_cast<std::size_t>(view->camera)];
+    const Surface* surface = surface_of(state, view->board);
+    const RowPoses poses(*view, state);
+    double largest = 0.0;
+    for (ViewPoint& point : view->points) {
+        const Pose there = poses.at(point.pixel.y());
+        Eigen::Vector2d offset = shutter_shift(lens, poses.still(), there, point.at_mm);
+        if (point.radius_mm > 0.0f) {
+            offset += centre_offset(lens, there, surface, point);
+        }
+        const Eigen::Vector2d before = point.centre_offset_px.cast<double>();
+        largest = std::max(largest, (offset - before).norm());
+        point.centre_offset_px = offset.cast<float>();
+    }
+    hold_velocity(state, view);
+    return largest;
+}
+
 }  // namespace
 
 double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views)
@@ -124,6 +148,10 @@ double update_centre_offsets(const RigState& state, int threads, std::vector<Vie
     std::vector<double> largest(views->size(), 0.0);
     parallel_for(views->size(), threads, 4, [&](std::size_t i) {
         View& view = (*views)[i];
+        if (!state.shutter.empty() && view.clock.moves) {
+            largest[i] = update_rolling_offsets(state, &view);
+            return;
+        }
         const Pose pose = cam_from_board(state, view);
         const Camera& lens = state.lenses[static_cast<std::size_t>(view.camera)];
         const Surface* surface = surface_of(state, view.board);
@@ -218,17 +246,20 @@ RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, R
     RefineResult result;
     // Centre offsets, sigmas and the set of points are held during a solve. They change by a
     // thousandth of what the state does, so that two rounds are the rule.
+    bool due = false;
     for (int round = 0; round < kPlainRounds; ++round) {
         const double moved = update_centre_offsets(*state, threads, views);
         result.noise_factor = noise_factors(*state, threads, *views);
         const bool weighed = update_sigmas(&result.noise_factor, views);
         const bool changed = select_points(*state, result.noise_factor, threads, views);
-        if (round > 0 && !weighed && !changed && moved < kOffsetSettledPx) {
+        if (round > 0 && !due && !weighed && !changed && moved < kOffsetSettledPx) {
             break;
         }
         if (!solve(views, state)) {
             return result;
         }
+        due = !state->shutter.empty()
+              && update_velocity_deviation(*views, result.noise_factor, threads, state);
     }
     result.converged = true;
     return result;

@@ -37,7 +37,8 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
 using Solve = std::function<bool(std::vector<View>*, RigState*)>;
 RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state);
 
-// Sets each circle's centre_offset_px for the present state. Returns the largest change, px.
+// Sets each circle's centre_offset_px for the present state, and with a rolling shutter each point's. Returns
+// the largest change, px.
 double update_centre_offsets(const RigState& state, int threads, std::vector<View>* views);
 
 // Robust standard deviation per axis of the whitened residuals, by camera (0 without any): 1.4826

@@ -19,6 +19,7 @@
 #include "host/solve/lens_prior.h"
 #include "host/solve/pose_chain.h"
 #include "host/solve/prior.h"
+#include "host/solve/rolling_information.h"
 
 namespace rig {
 namespace {
@@ -30,12 +31,6 @@ constexpr double kEigenvalueMin = 1e-14;
 // Floor of the noise for the question whether data determine a parameter: noise-free data of a bad
 // recording do not make it a good one.
 constexpr double kNoiseMinPx = 0.02;
-
-// What the views of one board pose say: B, and C's block.
-struct PosePart {
-    Eigen::MatrixXd across;  // rows of A by 6
-    Eigen::Matrix<double, 6, 6> own = Eigen::Matrix<double, 6, 6>::Zero();
-};
 
 // Sums over a part of the rig, as twists.
 struct MotionPart {
@@ -106,21 +101,31 @@ void add_view(const Eigen::MatrixXd& normal, Eigen::Index lens_count, Eigen::Ind
     }
 }
 
-// `places` gives the rows, its matrix is not read; behind them stand the places of boards on bodies.
-Information gather(const Solution& solution, const RigCovariance& places)
+// Rows of everything but board poses: those of `places`, boards on bodies, row times.
+CommonRows common_rows(const Solution& solution, const RigCovariance& places)
 {
-    const RigState& state = solution.state;
-    const Eigen::Index members = own_rows(solution, places);
-    const Eigen::Index size = members + 6 * static_cast<Eigen::Index>(state.body_from_board.size());
-    Information out;
-    out.schur = Eigen::MatrixXd::Zero(size, size);
+    CommonRows out{places.lens, places.pose, {}, std::vector<Eigen::Index>(places.lens.size(), -1),
+                   own_rows(solution, places)};
+    for (std::size_t i = 0; i < solution.state.body_from_board.size(); ++i) {
+        out.member.push_back(out.size);
+        out.size += 6;
+    }
     for (const int camera : solution.cameras) {
         const auto c = static_cast<std::size_t>(camera);
-        const std::vector<double> deviations = lens_prior_deviations(state.lenses[c].model);
-        for (std::size_t i = 0; i < deviations.size(); ++i) {
-            const Eigen::Index at = places.lens[c] + static_cast<Eigen::Index>(i);
-            out.schur(at, at) += deviations[i] > 0.0 ? 1.0 / (deviations[i] * deviations[i]) : 0.0;
+        if (!solution.state.shutter.empty() && solution.state.shutter.estimated[c] != 0) {
+            out.row_time[c] = out.size++;
         }
+    }
+    return out;
+}
+
+// What the views say of each board pose, and of all else.
+std::map<std::size_t, PosePart> gather_views(const Solution& solution, const CommonRows& rows,
+                                             double noise_factor, Eigen::MatrixXd* schur)
+{
+    const RigState& state = solution.state;
+    if (!state.shutter.empty()) {
+        return rolling_information(solution.set.views, state, rows, noise_factor, schur);
     }
     std::map<std::size_t, PosePart> parts;
     for (const View& view : solution.set.views) {
@@ -131,13 +136,34 @@ Information gather(const Solution& solution, const RigCovariance& places)
         }
         PosePart& part = parts[view.pose];
         if (part.across.size() == 0) {
-            part.across = Eigen::MatrixXd::Zero(size, 6);
+            part.across = Eigen::MatrixXd::Zero(rows.size, 6);
         }
         const auto lens_count = static_cast<Eigen::Index>(state.lenses[c].intrinsics.size());
-        add_view(chain_normal(quadratic, chain_of(state, view)), lens_count, places.lens[c],
-                 lens_count + (places.pose[c] < 0 ? 0 : 6),
-                 view.member == kNoMember ? -1 : members + 6 * view.member, &out.schur, &part);
+        add_view(chain_normal(quadratic, chain_of(state, view)), lens_count, rows.lens[c],
+                 lens_count + (rows.pose[c] < 0 ? 0 : 6),
+                 view.member == kNoMember ? -1 : rows.member[static_cast<std::size_t>(view.member)], schur,
+                 &part);
     }
+    return parts;
+}
+
+// `places` gives the first rows; its matrix is not read.
+Information gather(const Solution& solution, const RigCovariance& places, double noise_factor)
+{
+    const RigState& state = solution.state;
+    const CommonRows rows = common_rows(solution, places);
+    const Eigen::Index size = rows.size;
+    Information out;
+    out.schur = Eigen::MatrixXd::Zero(size, size);
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        const std::vector<double> deviations = lens_prior_deviations(state.lenses[c].model);
+        for (std::size_t i = 0; i < deviations.size(); ++i) {
+            const Eigen::Index at = places.lens[c] + static_cast<Eigen::Index>(i);
+            out.schur(at, at) += deviations[i] > 0.0 ? 1.0 / (deviations[i] * deviations[i]) : 0.0;
+        }
+    }
+    const std::map<std::size_t, PosePart> parts = gather_views(solution, rows, noise_factor, &out.schur);
     out.motions.resize(solution.gauge_cameras.size());
     for (MotionPart& motion : out.motions) {
         motion.across = Eigen::MatrixXd::Zero(size, 6);
@@ -172,7 +198,7 @@ Eigen::MatrixXd invert(const Eigen::MatrixXd& information)
 RigCovariance rig_covariance(const Solution& solution, double noise_factor, const Prior* prior)
 {
     RigCovariance out = lay_out(solution);
-    Information information = gather(solution, out);
+    Information information = gather(solution, out, noise_factor);
     const double share = 1.0 / (noise_factor * noise_factor);
     information.schur *= share;
     for (MotionPart& motion : information.motions) {
@@ -189,6 +215,10 @@ RigCovariance rig_covariance(const Solution& solution, double noise_factor, cons
         solution.spline_covariance.rows() == information.schur.rows()
             ? Eigen::MatrixXd(noise_factor * noise_factor * solution.spline_covariance)
             : invert(information.schur);
+    const CommonRows rows = common_rows(solution, out);
+    for (const Eigen::Index row : rows.row_time) {
+        out.row_time_s.push_back(row < 0 ? 0.0 : std::sqrt(covariance(row, row)));
+    }
     Eigen::MatrixXd follow(6 * parts, covariance.cols());
     out.matrix.setZero(own + 6 * parts, own + 6 * parts);
     for (Eigen::Index part = 0; part < parts; ++part) {

@@ -130,7 +130,7 @@ void assign_poses(const Scene& scene, const std::vector<int>& part_of_camera,
 
 View thinned(const View& view, std::size_t points_max)
 {
-    View thin{view.camera, view.board, view.frame, view.pose, view.member, {}};
+    View thin{view.camera, view.board, view.frame, view.pose, view.member, {}, view.clock};
     std::vector<std::size_t> used;
     used.reserve(view.points.size());
     for (std::size_t i = 0; i < view.points.size(); ++i) {

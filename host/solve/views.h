@@ -13,6 +13,7 @@
 #include "host/base/pose.h"
 #include "host/model/camera.h"
 #include "host/obs/observation.h"
+#include "host/solve/shutter.h"
 
 namespace rig {
 
@@ -20,7 +21,7 @@ namespace rig {
 struct ViewPoint {
     Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // observed
     Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();  // board frame
-    Eigen::Vector2f centre_offset_px = Eigen::Vector2f::Zero();  // see circle_centre.h
+    Eigen::Vector2f centre_offset_px = Eigen::Vector2f::Zero();  // see circle_centre.h, shutter.h
     float radius_mm = 0.0f;
     float sigma_px = 1.0f;     // whitening; above 0
     std::uint32_t point = 0;   // index into Board::points
@@ -37,6 +38,7 @@ struct View {
     std::size_t pose = 0;    // index into ViewSet::poses
     int member = kNoMember;  // index into ViewSet::members; kNoMember: the board's frame is the body's
     std::vector<ViewPoint> points;
+    RowClock clock = {};
 };
 
 // One body at one place: a frame's, or that of a body that does not move, whose frame is then the
@@ -45,6 +47,7 @@ struct PoseKey {
     int body = 0;
     std::int64_t frame = 0;
     int part = 0;  // parts of the rig that nothing connects have poses of their own
+    double time_s = 0.0;  // that the pose is given for, after the instant's earliest stamp
 };
 
 struct ViewSet {
@@ -69,6 +72,7 @@ struct RigState {
     std::vector<Vector6> rig_from_body;    // one per ViewSet::poses
     std::vector<Vector6> body_from_board;  // one per ViewSet::members
     std::vector<Surface> surfaces = {};    // by scene board; may be shorter: the others are flat
+    Shutter shutter = {};
 };
 
 // Null for a flat board.

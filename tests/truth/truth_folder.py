@@ -39,7 +39,8 @@ def write_folder(folder, scene, sigma=True):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scene.json").write_text(json.dumps({
         "format": "tessera-scene", "version": 1,
-        "cameras": [{k: c[k] for k in ("name", "width", "height")} for c in scene.cameras],
+        "cameras": [{k: c[k] for k in ("name", "width", "height", "row_time_ns") if k in c}
+                    for c in scene.cameras],
         "boards": [{"name": "a", "points": "points.csv"}]}))
     with open(folder / "points.csv", "w") as file:
         file.write("point,x,y,z,radius\n")

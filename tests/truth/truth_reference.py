@@ -11,6 +11,9 @@ for flat, which is wrong where it is not.
 A circle's offset from the image of its centre is held at the truth's: estimates are so near that it
 changes by less than 1e-6 px. A smooth field of a lens (truth_lens.py) counts as known.
 
+Boards that move (truth_shutter.py) have their velocities as unknowns too, known beforehand to be as large
+as the truth's are in the mean square; row times are known.
+
 Global unknowns: for each camera its lens (fx, fy, cx, cy, coefficients), for each but the first six of the
 pose (turn and shift applied after cam_from_rig), then the surface's coefficients in mm.
 """
@@ -20,6 +23,7 @@ import numpy as np
 
 import truth_lens
 import truth_scenes
+import truth_shutter
 
 SETTLED = 0.05
 
@@ -75,6 +79,10 @@ class _System:
         self.offset = scene.exact.copy()
         self.points = scene.board[:, :3].copy() if surface == "flat" else true_points
         self.basis = spline_basis(scene.board, *spline) if surface == "free" else np.zeros((len(scene.board), 0))
+        moves = scene.velocity is not None and scene.velocity.any()
+        self.velocity = scene.velocity.copy() if moves else None
+        self.times = truth_shutter.row_times(scene) if moves else None
+        self.body = 12 if moves else 6
         good = ~scene.outlier
         self.parts = [np.flatnonzero(good & (scene.camera == c)) for c in range(len(scene.cameras))]
         for c, part in enumerate(self.parts):
@@ -94,12 +102,16 @@ class _System:
         frame = self.scene.frame[part]
         turned = (self.turn[frame] @ points[self.scene.point[part], :, None])[..., 0]
         rig = turned + self.shift[frame]
+        if self.velocity is not None:
+            moved = self.times[part, None] * self.velocity[frame]
+            turned = (truth_scenes.rotations(moved[:, :3]) @ turned[..., None])[..., 0]
+            rig = turned + self.shift[frame] + moved[:, 3:]
         turn, shift = self.cameras[c]["cam_from_rig"]
         return turned, rig, rig @ turn.T + shift
 
     def camera_rows(self, c, part):
         """Residuals (n, 2), derivatives by the camera's own unknowns (n, 2, own), by the board's pose
-        (n, 2, 6) and by a board point's height (n, 2)."""
+        (n, 2, 6; with its velocity 12) and by a board point's height (n, 2)."""
         turn = self.cameras[c]["cam_from_rig"][0]
         turned, rig, there = self.place(c, part, self.points)
         miss = truth_lens.project(self.cameras[c], there) + self.offset[part] - self.scene.pixels[part]
@@ -108,14 +120,16 @@ class _System:
             own = np.concatenate([own, -by_point @ _skew(rig @ turn.T), by_point], axis=-1)
         in_rig = by_point @ turn
         board = np.concatenate([-in_rig @ _skew(turned), in_rig], axis=-1)
+        if self.velocity is not None:
+            board = np.concatenate([board, self.times[part, None, None] * board], axis=-1)
         up = self.turn[self.scene.frame[part], :, 2]
         return miss, own, board, (in_rig @ up[..., None])[..., 0]
 
     def normal(self):
         """H and g of the global unknowns; of each frame its 6 x 6, its coupling (6, global), its g."""
-        frames = len(self.turn)
+        frames, b = len(self.turn), self.body
         h, g = np.zeros((self.size, self.size)), np.zeros(self.size)
-        h_ff, h_fg, g_f = np.zeros((frames, 6, 6)), np.zeros((frames, 6, self.size)), np.zeros((frames, 6))
+        h_ff, h_fg, g_f = np.zeros((frames, b, b)), np.zeros((frames, b, self.size)), np.zeros((frames, b))
         square, heights = 0.0, slice(self.size - self.basis.shape[1], self.size)
         for c, part in enumerate(self.parts):
             miss, own, board, height = self.camera_rows(c, part)
@@ -130,21 +144,31 @@ class _System:
                 if self.basis.shape[1]:
                     rows = self.basis[self.scene.point[part[view]]]
                     columns.append((height[view][..., None] * rows[:, None]).reshape(2 * (last - first), -1))
-                columns.append(board[view].reshape(-1, 6))
+                columns.append(board[view].reshape(-1, b))
                 j = np.concatenate(columns, axis=1)
                 m, r = j.T @ j, j.T @ miss[view].ravel()
-                h[np.ix_(at, at)] += m[:-6, :-6]
-                g[at] += r[:-6]
-                h_ff[f] += m[-6:, -6:]
-                h_fg[f][:, at] += m[-6:, :-6]
-                g_f[f] += r[-6:]
+                h[np.ix_(at, at)] += m[:-b, :-b]
+                g[at] += r[:-b]
+                h_ff[f] += m[-b:, -b:]
+                h_fg[f][:, at] += m[-b:, :-b]
+                g_f[f] += r[-b:]
+        if self.velocity is not None:
+            known = self.known()
+            h_ff[:, range(6, 12), range(6, 12)] += known
+            g_f[:, 6:] += known * self.velocity
+            square += (known * self.velocity**2).sum()
         return h, g, h_ff, h_fg, g_f, square
 
+    def known(self):
+        """What is known of velocities beforehand, in the unit of the sum of squares: (6,)."""
+        turn, shift = ((self.scene.velocity[:, part]**2).mean() for part in (slice(3), slice(3, 6)))
+        return self.scene.noise**2 / np.repeat([turn, shift], 3)
+
     def state(self):
-        return [dict(camera) for camera in self.cameras], self.turn, self.shift, self.points
+        return [dict(camera) for camera in self.cameras], self.turn, self.shift, self.points, self.velocity
 
     def restore(self, state):
-        self.cameras, self.turn, self.shift, self.points = state
+        self.cameras, self.turn, self.shift, self.points, self.velocity = state
         self.cameras = [dict(camera) for camera in self.cameras]
 
     def move(self, step, steps_f):
@@ -159,7 +183,9 @@ class _System:
                 camera["cam_from_rig"] = (truth_scenes.rotations(pose[:3])[0] @ turn,
                                           shift + pose[3:])
         self.turn = truth_scenes.rotations(steps_f[:, :3]) @ self.turn
-        self.shift = self.shift + steps_f[:, 3:]
+        self.shift = self.shift + steps_f[:, 3:6]
+        if self.velocity is not None:
+            self.velocity = self.velocity + steps_f[:, 6:]
         self.points = self.points.copy()
         self.points[:, 2] += self.basis @ step[self.size - self.basis.shape[1]:]
 
@@ -167,7 +193,7 @@ class _System:
 def _reduce(system):
     """Normal equations without the boards' poses: matrix, right side, and per frame what gives its step."""
     h, g, h_ff, h_fg, g_f, square = system.normal()
-    h_ff[np.abs(h_ff).sum(axis=(1, 2)) == 0] = np.eye(6)
+    h_ff[np.abs(h_ff).sum(axis=(1, 2)) == 0] = np.eye(system.body)
     solved = np.linalg.solve(h_ff, np.concatenate([h_fg, g_f[..., None]], axis=-1))
     reduced = h - np.einsum("fki,fkj->ij", h_fg, solved[..., :-1], optimize=True)
     right = g - np.einsum("fki,fk->i", h_fg, solved[..., -1])

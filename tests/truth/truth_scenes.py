@@ -34,6 +34,8 @@ class Scene:
     exact: np.ndarray = None     # (n, 2) without noise
     pixels: np.ndarray = None    # (n, 2) as observed
     outlier: np.ndarray = None
+    row_time_s: list = None      # of each camera, where boards move (truth_shutter.py)
+    velocity: np.ndarray = None  # (frames, 6) likewise: w rad/s, v mm/s
 
 
 def rotations(vectors):
@@ -200,6 +202,11 @@ def observe(scene, rng, outliers=0.0):
             if good.sum() >= 8:
                 parts.append((np.full(good.sum(), c), np.full(good.sum(), f), at[good], exact[good]))
     scene.camera, scene.frame, scene.point, scene.exact = (np.concatenate(p) for p in zip(*parts))
+    return add_noise(scene, rng, outliers)
+
+
+def add_noise(scene, rng, outliers):
+    """What is observed, from what is exact."""
     count = len(scene.camera)
     scene.outlier = rng.random(count) < outliers
     angle, far = rng.uniform(0, 2 * np.pi, count), rng.uniform(5, 80, count)
