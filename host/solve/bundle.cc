@@ -172,12 +172,15 @@ void add_shutter(const RigState& state, const std::set<double*>& bodies,
                  ceres::ParameterBlockOrdering* ordering)
 {
     for (double* body : bodies) {
-        auto known = std::make_unique<VelocityCost>(state.shutter.deviation);
+        auto known = std::make_unique<VelocityCost>(state.shutter);
         problem->AddResidualBlock(known.release(), nullptr, body);
     }
     for (const std::size_t camera : cameras) {
         if (state.shutter.estimated[camera] != 0) {
             ordering->AddElementToGroup(parameters->row_time(camera), 1);
+            if (state.shutter.row_times_held) {
+                problem->SetParameterBlockConstant(parameters->row_time(camera));
+            }
         }
     }
 }

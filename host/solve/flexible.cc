@@ -340,11 +340,12 @@ FlexibleInformation flexible_information(const std::vector<View>& views,
 {
     const std::vector<char> use = views_in_use(views);
     FlexibleInformation out;
-    out.layout = make_layout(state, views, use, gauge_cameras, false);
+    RigState copy = state;
+    copy.shutter.row_times_held = false;
+    out.layout = make_layout(copy, views, use, gauge_cameras, false);
     FlexibleSystem system;
-    if (sum_points(views, use, boards, state, out.layout, true, &system)) {
-        RigState copy = state;
-        add_priors(make_priors(state, out.layout, boards, cameras), out.layout, &copy, &system);
+    if (sum_points(views, use, boards, copy, out.layout, true, &system)) {
+        add_priors(make_priors(copy, out.layout, boards, cameras), out.layout, &copy, &system);
         const VelocityElimination velocities(state.shutter, &system);
         Reduced reduced = eliminate_poses(system, 0.0);
         if (reduced.good) {

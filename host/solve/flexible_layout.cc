@@ -55,7 +55,7 @@ FlexibleLayout make_layout(const RigState& state, const std::vector<View>& views
         }
     }
     for (std::size_t c = 0; c < cameras && !state.shutter.empty(); ++c) {
-        if (seen[c] && state.shutter.estimated[c] != 0) {
+        if (seen[c] && state.shutter.estimated[c] != 0 && !state.shutter.row_times_held) {
             out.row_time[c] = give(1);
         }
     }

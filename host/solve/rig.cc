@@ -371,7 +371,8 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     progress(fmt::format("relative poses of {} cameras over {} board poses", solution.cameras.size(),
                          solution.set.poses.size()));
     bundle_options.lens = LensFreedom::kAll;
-    const RefineResult refined = refine(bundle_options, &solution.set.views, &solution.state);
+    const RefineResult refined =
+        refine_rolling(bundle_options, &solution.set.views, &solution.state);
     status = options.prior != nullptr
                  ? check_prior_met(scene, bundle_options, alone_px, solution)
                  : Status();

@@ -1,6 +1,8 @@
 // See rolling_cost.h.
 #include "host/solve/rolling_cost.h"
 
+#include <cmath>
+
 namespace rig {
 namespace {
 
@@ -72,7 +74,7 @@ bool RollingCost::Evaluate(double const* const*, double* residuals, double** jac
 bool VelocityCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const
 {
     for (int i = 0; i < 6; ++i) {
-        const double weight = 1.0 / (i < 3 ? deviation_.turn_rad_s : deviation_.shift_mm_s);
+        const double weight = std::sqrt(weight_[i]);
         residuals[i] = weight * parameters[0][6 + i];
         if (jacobians != nullptr && jacobians[0] != nullptr) {
             std::fill_n(jacobians[0] + i * kMovingBodyCount, static_cast<int>(kMovingBodyCount), 0.0);

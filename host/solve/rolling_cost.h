@@ -4,6 +4,7 @@
 #include <ceres/sized_cost_function.h>
 
 #include "host/solve/rolling_kernel.h"
+#include "host/solve/velocity_prior.h"
 #include "host/solve/view_cost.h"
 
 namespace rig {
@@ -34,15 +35,15 @@ private:
     bool member_;
 };
 
-// velocity / deviation: six residuals on a body's block.
+// A velocity's prior (velocity_prior.h): six residuals on a body's block.
 class VelocityCost : public ceres::SizedCostFunction<6, kMovingBodyCount> {
 public:
-    explicit VelocityCost(const VelocityDeviation& deviation) : deviation_(deviation) {}
+    explicit VelocityCost(const Shutter& shutter) : weight_(velocity_weight(shutter)) {}
     bool Evaluate(double const* const* parameters, double* residuals,
                   double** jacobians) const override;
 
 private:
-    VelocityDeviation deviation_;
+    Vector6 weight_;
 };
 
 }  // namespace rig

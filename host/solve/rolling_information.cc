@@ -100,7 +100,7 @@ std::map<std::size_t, PosePart> rolling_information(const std::vector<View>& vie
         add_view(rolling_normal(quadratic, rolling_maps(view, state), links),
                  places_of(view, rows, lens_count), common, &part);
     }
-    const Vector6 known = noise_factor * noise_factor * velocity_weight(state.shutter.deviation);
+    const Vector6 known = noise_factor * noise_factor * velocity_weight(state.shutter);
     std::map<std::size_t, PosePart> out;
     for (const auto& [pose, part] : parts) {
         out[pose] = without_velocity(part, known, common);

@@ -3,9 +3,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace rig {
+namespace {
+
+constexpr double kRowTimeWider = 3.0;
+
+}  // namespace
 
 Status check_row_time_reference(const Scene& scene, const std::vector<int>& part_of_camera)
 {
@@ -24,6 +30,20 @@ Status check_row_time_reference(const Scene& scene, const std::vector<int>& part
         }
     }
     return Status();
+}
+
+RefineResult refine_rolling(const BundleOptions& options, std::vector<View>* views, RigState* state)
+{
+    Shutter& shutter = state->shutter;
+    const bool estimates = std::count(shutter.estimated.begin(), shutter.estimated.end(), 1) > 0;
+    shutter.wider = estimates ? kRowTimeWider : 1.0;
+    RefineResult result = refine(options, views, state);
+    if (estimates && result.converged) {
+        shutter.wider = 1.0;
+        shutter.row_times_held = true;
+        result = refine(options, views, state);
+    }
+    return result;
 }
 
 Status check_row_times(const Scene& scene, const Solution& solution)

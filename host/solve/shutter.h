@@ -53,6 +53,8 @@ struct Shutter {
     std::vector<char> estimated;     // by camera: its row time is solved for
     VelocityDeviation deviation;
     double told = 6.0;               // of a body's six numbers, how many the data tell: mean over poses
+    double wider = 1.0;              // how much wider than these deviations the prior is
+    bool row_times_held = false;     // those that were solved for are held at what was found
 
     bool empty() const { return velocity.empty(); }
 };

@@ -13,7 +13,7 @@ double velocity_cost(const Shutter& shutter)
 {
     double sum = 0.0;
     for (const Vector6& velocity : shutter.velocity) {
-        sum += velocity.dot(velocity_weight(shutter.deviation).cwiseProduct(velocity));
+        sum += velocity.dot(velocity_weight(shutter).cwiseProduct(velocity));
     }
     return sum;
 }
@@ -24,7 +24,7 @@ VelocityElimination::VelocityElimination(const Shutter& shutter, FlexibleSystem*
     if (count == 0) {
         return;
     }
-    const Vector6 known = velocity_weight(shutter.deviation);
+    const Vector6 known = velocity_weight(shutter);
     Eigen::MatrixXd half(system->normal.rows(), count);
     for (Eigen::Index p = 0; p < count; p += 6) {
         Eigen::Matrix<double, 6, 6> own = system->velocity_own.middleCols<6>(p);

@@ -26,6 +26,15 @@ constexpr double kDuePart = 0.05;
 // Of a camera whose row time is not known: what it takes to read an image.
 constexpr double kImageTimeS = 0.02;
 
+// Diagonal of D^-1.
+Vector6 weight_of(const VelocityDeviation& deviation)
+{
+    Vector6 out;
+    out.head<3>().setConstant(1.0 / (deviation.turn_rad_s * deviation.turn_rad_s));
+    out.tail<3>().setConstant(1.0 / (deviation.shift_mm_s * deviation.shift_mm_s));
+    return out;
+}
+
 struct Pull {
     Matrix6 information;
     Vector6 pull;
@@ -60,7 +69,7 @@ std::vector<Pull> pulls_of(const std::vector<View>& views, const std::vector<dou
     for (std::size_t i = 0; i < views.size(); ++i) {
         by_pose[views[i].pose] += own[i];
     }
-    const Vector6 weight = velocity_weight(state.shutter.deviation);
+    const Vector6 weight = velocity_weight(state.shutter);
     std::vector<Pull> out;
     for (std::size_t p = 0; p < by_pose.size(); ++p) {
         const Matrix12& n = by_pose[p];
@@ -80,7 +89,7 @@ std::vector<Pull> pulls_of(const std::vector<View>& views, const std::vector<dou
 
 VelocityDeviation next(const std::vector<Pull>& pulls, const VelocityDeviation& now, double* all_told)
 {
-    const Vector6 weight = velocity_weight(now);
+    const Vector6 weight = weight_of(now);
     Eigen::Vector2d squares = Eigen::Vector2d::Zero();
     Eigen::Vector2d told = Eigen::Vector2d::Zero();
     for (const Pull& pull : pulls) {
@@ -132,12 +141,9 @@ void set_clocks(const Scene& scene, ViewSet* set)
 
 }  // namespace
 
-Vector6 velocity_weight(const VelocityDeviation& deviation)
+Vector6 velocity_weight(const Shutter& shutter)
 {
-    Vector6 out;
-    out.head<3>().setConstant(1.0 / (deviation.turn_rad_s * deviation.turn_rad_s));
-    out.tail<3>().setConstant(1.0 / (deviation.shift_mm_s * deviation.shift_mm_s));
-    return out;
+    return weight_of(shutter.deviation) / (shutter.wider * shutter.wider);
 }
 
 bool update_velocity_deviation(const std::vector<View>& views, const std::vector<double>& noise_factor,

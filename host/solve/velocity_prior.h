@@ -17,8 +17,8 @@ namespace rig {
 bool update_velocity_deviation(const std::vector<View>& views, const std::vector<double>& noise_factor,
                                int threads, RigState* state);
 
-// Diagonal of D^-1.
-Vector6 velocity_weight(const VelocityDeviation& deviation);
+// What the prior adds to the information of each velocity: the inverse of its variance.
+Vector6 velocity_weight(const Shutter& shutter);
 
 // Zero velocities for every pose, row times of the scene's cameras, and each view's clock. Nothing where
 // no view of a body that moves has a row time.

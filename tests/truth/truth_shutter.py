@@ -53,13 +53,14 @@ def _view(scene, c, f, points, along):
     return at, pixels[at]
 
 
-def roll(scene, row_time_s, seed, shift_mm_s, turn_rad_s, outliers=0.0):
+def roll(scene, row_time_s, seed, shift_mm_s, turn_rad_s, outliers=0.0, estimate=()):
+    """`estimate`: the cameras whose row time the solver is not told."""
     rng = np.random.default_rng([seed, 78])
     scene.row_time_s = list(row_time_s)
     frames = len(scene.poses[0])
     scene.velocity = rng.normal(0, 1 / np.sqrt(3), (frames, 6)) * np.repeat([turn_rad_s, shift_mm_s], 3)
-    for camera, seconds in zip(scene.cameras, row_time_s):
-        camera["row_time_ns"] = 1e9 * seconds
+    for c, camera in enumerate(scene.cameras):
+        camera["row_time_ns"] = "estimate" if c in estimate else 1e9 * row_time_s[c]
     points, along = truth_scenes.true_points(scene)
     parts = []
     for c in range(len(scene.cameras)):

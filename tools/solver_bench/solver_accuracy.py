@@ -16,8 +16,8 @@ from solver_run import ROOT, rig_program, say, solve
 
 import truth_folder
 import truth_reference
-import truth_scenes
 import truth_score
+import truth_shutter
 
 # Seeds of the kept table. Whoever changes the solver looks at others.
 FIRST_SEED, SEEDS = 101, 8
@@ -53,7 +53,7 @@ def errors_of(scene, row, estimate):
 
 def measure(row, seed, work, frames=None, more=()):
     """Errors of ours (None where nothing was written) and of the reference; a remark."""
-    scene = truth_scenes.make(row.rig, seed, frames=frames, **row.scene)
+    scene = truth_shutter.make(row.rig, seed, frames=frames, **row.scene)
     truth_folder.write_folder(work / "scene", scene, sigma=False)
     reference = errors_of(scene, row, truth_reference.solve(scene, "known"))
     done = solve(work / "scene", work / "result", [*row.options, *more])
@@ -161,6 +161,9 @@ measures on others.
 - *triangulated*: error of points in the volume of the boards, intersected from all cameras that see them,
   after the best rigid motion.
 - *failed*: draws that the solver refused; the errors are over the others.
+- *rolling shutters*: rows read 10 to 15 us apart of boards that move at 300 mm/s and 1 rad/s (RMS;
+  `tests/truth/truth_shutter.py`); the reference has their velocities as unknowns, but knows row times, and
+  boards that are held still to be so.
 - `paper`: two cameras of 12 MP, 50 frames of 1,008 points; `ring`: 8 of 2 MP, 100 frames of 336 points;
   `room`: 16 of 2 MP, 300 frames, 1.6 million observations. Noise 0.05 px, Brown's lens (given by --model), a
   flat board of circles, no outliers, where nothing else is said. No sigma is given.

@@ -35,6 +35,12 @@ def _unfittable(rig):
     return Row(rig, "lens that no parametric model fits", {"field": 0.7}, (), worst_px=UNFITTABLE_PX)
 
 
+def _rolling(rig, row_time_us, words, shift_mm_s=300.0, turn_rad_s=1.0, estimate=(), **more):
+    rolling = {"row_time_s": [1e-6 * us for us in row_time_us], "shift_mm_s": shift_mm_s,
+               "turn_rad_s": turn_rad_s, "estimate": estimate}
+    return Row(rig, "rolling shutters, " + words, {"rolling": rolling, **more})
+
+
 def rows():
     """Noise 0.05 px, Brown's lens, a flat board of circles and no outliers where nothing else is said."""
     wrong = {"outliers": 0.02}
@@ -49,6 +55,11 @@ def rows():
         _lens("paper", "rational"), _lens("paper", "thin-prism"), _lens("paper", "fisheye"),
         _bent("paper", "bow"), _bent("paper", "twist"), _bent("paper", "dent"), _bent("paper", "bow", **wrong),
         _unfittable("paper"),
+        _rolling("paper", [10, 12], "boards move"),
+        _rolling("small", [12, 15, 0], "boards move"),
+        _rolling("small", [12, 15, 0], "boards move, 2 % outliers", **wrong),
+        _rolling("small", [12, 15, 0], "boards move, one row time estimated", estimate=(1,)),
+        _rolling("small", [12, 15, 0], "boards held still", 0.0, 0.0),
         Row("ring", "noise 0.05 px", {}),
         Row("ring", "noise 0.3 px", {"noise": 0.3}),
         Row("ring", "2 % outliers", wrong),
