@@ -6,6 +6,7 @@
 #include <ceres/evaluation_callback.h>
 #include <ceres/iteration_callback.h>
 #include <ceres/manifold.h>
+#include <ceres/normal_prior.h>
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
@@ -22,6 +23,9 @@
 
 namespace rig {
 namespace {
+
+// About zero, of a row time that is solved for: ten times that of a slow camera.
+constexpr double kRowTimeDeviationS = 1e-3;
 
 // Indices of the intrinsics that are held; empty when all are free.
 std::vector<int> held_intrinsics(CameraModel model, LensFreedom freedom)
@@ -177,6 +181,10 @@ void add_shutter(const RigState& state, const std::set<double*>& bodies,
     }
     for (const std::size_t camera : cameras) {
         if (state.shutter.estimated[camera] != 0) {
+            // A weak word, so that there is a step while no velocity is known yet.
+            auto known = std::make_unique<ceres::NormalPrior>(
+                Eigen::MatrixXd::Constant(1, 1, 1.0 / kRowTimeDeviationS), Eigen::VectorXd::Zero(1));
+            problem->AddResidualBlock(known.release(), nullptr, parameters->row_time(camera));
             ordering->AddElementToGroup(parameters->row_time(camera), 1);
             if (state.shutter.row_times_held) {
                 problem->SetParameterBlockConstant(parameters->row_time(camera));
