@@ -53,7 +53,7 @@ unit: $(unit_BIN) $(gather_BIN) $(unit_host_BIN) $(replay_host_BIN)
 
 ## error-bars: 2000 simulated solves against the covariance and the error bars in px and mm of each
 .PHONY: error-bars
-error-bars: $(patsubst %,$O/tests/unit_host/test_%,uncertainty error_bars compare prior)
+error-bars: $(patsubst %,$O/tests/unit_host/test_%,uncertainty error_bars compare prior rolling)
 	@for test in $^; do TESSERA_DRAWS=2000 $$test || exit 1; done
 
 # Where pycolmap goes: some 100 MB, for one test.

@@ -177,8 +177,10 @@ std::string weak_spots(const ordered_json& rig)
         const double factor = camera.at("noise_factor");
         if (factor > kNoiseFactorWeak) {
             fmt::format_to(out, "- {}: residuals are {:.1f} times what the points' sigmas say: the lens "
-                                "model or the board's shape does not fit; try a richer --model\n",
-                           name, factor);
+                                "model or the board's shape does not fit; try a richer --model{}\n",
+                           name, factor,
+                           rig.contains("motion") ? "" : ", or give row times where boards moved while "
+                                                         "rolling shutters read them");
         }
     }
     return text;

@@ -265,8 +265,11 @@ constexpr double kTogetherWorstPx = 1.0;
 Status check_support(const Scene& scene, const Prior* prior, const Connection& connection,
                      const std::vector<double>& alone_px, const Solution& solution)
 {
-    const std::string check = "check that it did not move and that its frame numbers or clock agree with "
-                              "those of the other cameras";
+    const std::string check = std::string("check that it did not move and that its frame numbers or clock agree "
+                                          "with those of the other cameras")
+                              + (solution.state.shutter.empty()
+                                     ? ", and give the 'row_time_ns' of rolling shutters where boards moved"
+                                     : "");
     const ViewSet used = used_views(solution.set);
     const auto count = [](const ViewSet& set, int camera) {
         return static_cast<int>(std::count_if(

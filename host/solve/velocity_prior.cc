@@ -20,10 +20,13 @@ constexpr double kTurnMinRadS = 1e-5;
 constexpr double kShiftMinMmS = 1e-2;
 constexpr int kRounds = 300;
 constexpr double kSettledPart = 1e-6;
+// Residuals larger than that are no noise, but what is still to be solved for: if they counted as noise, no
+// velocity would rise above it.
+constexpr double kFactorMost = 3.0;
 // Deviations that change by less leave the solution where it was: its share in what is known of a velocity
 // is small where boards move, and velocities are zero where they do not.
 constexpr double kDuePart = 0.05;
-// Of a camera whose row time is not known: what it takes to read an image.
+// Of a camera whose row time is not known: what it takes to read an image, to start with.
 constexpr double kImageTimeS = 0.02;
 
 // Diagonal of D^-1.
@@ -33,6 +36,11 @@ Vector6 weight_of(const VelocityDeviation& deviation)
     out.head<3>().setConstant(1.0 / (deviation.turn_rad_s * deviation.turn_rad_s));
     out.tail<3>().setConstant(1.0 / (deviation.shift_mm_s * deviation.shift_mm_s));
     return out;
+}
+
+double row_time_to_start_s(const SceneCamera& camera)
+{
+    return camera.estimate_row_time ? kImageTimeS / camera.height_px : 1e-9 * camera.row_time_ns;
 }
 
 struct Pull {
@@ -59,7 +67,8 @@ std::vector<Pull> pulls_of(const std::vector<View>& views, const std::vector<dou
 {
     std::vector<Matrix12> own(views.size(), Matrix12::Zero());
     parallel_for(views.size(), threads, 4, [&](std::size_t i) {
-        const double factor = std::max(1.0, noise_factor[static_cast<std::size_t>(views[i].camera)]);
+        const double factor =
+            std::clamp(noise_factor[static_cast<std::size_t>(views[i].camera)], 1.0, kFactorMost);
         if (!views[i].clock.moves || !body_information(views[i], state, &own[i])) {
             own[i].setZero();
         }
@@ -127,7 +136,7 @@ void set_clocks(const Scene& scene, ViewSet* set)
         view.clock.moves = !scene.boards[static_cast<std::size_t>(view.board)].is_static;
         view.clock.start_s = stamp == scene.stamps_ns.end() ? 0.0 : 1e-9 * static_cast<double>(stamp->second);
         for (const ViewPoint& point : view.points) {
-            sum[view.pose] += view.clock.at_s(1e-9 * camera.row_time_ns, point.pixel.y());
+            sum[view.pose] += view.clock.at_s(row_time_to_start_s(camera), point.pixel.y());
             count[view.pose] += 1.0;
         }
     }
@@ -182,7 +191,7 @@ void start_shutter(const Scene& scene, ViewSet* set, RigState* state)
     }
     state->shutter.velocity.assign(set->poses.size(), Vector6::Zero());
     for (const SceneCamera& camera : scene.cameras) {
-        state->shutter.row_time_s.push_back(1e-9 * camera.row_time_ns);
+        state->shutter.row_time_s.push_back(row_time_to_start_s(camera));
         state->shutter.estimated.push_back(camera.estimate_row_time);
     }
     set_clocks(scene, set);
@@ -191,7 +200,7 @@ void start_shutter(const Scene& scene, ViewSet* set, RigState* state)
 void start_own_shutter(const Scene& scene, const SceneCamera& camera, std::vector<View>* views,
                        RigState* state)
 {
-    const double row_s = camera.estimate_row_time ? kImageTimeS / camera.height_px : 1e-9 * camera.row_time_ns;
+    const double row_s = row_time_to_start_s(camera);
     bool moves = false;
     for (View& view : *views) {
         view.clock = RowClock();

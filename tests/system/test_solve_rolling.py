@@ -54,7 +54,9 @@ def test_errors_are_those_of_the_joint_optimum(rolling, more, tmp_path):
 
 def test_shutters_that_are_ignored_are_noticed(tmp_path):
     """Off by 5 px within an image, which is not what any lens does: the cameras do not fit one rig."""
-    assert "fits its boards to" in refused(told(moving(2), None, None, None), tmp_path)
+    sentence = refused(told(moving(2), None, None, None), tmp_path)
+    assert "fits its boards to" in sentence
+    assert "give the 'row_time_ns' of rolling shutters where boards moved" in sentence
 
 
 def test_a_row_time_is_found_and_reported(tmp_path):
