@@ -77,8 +77,8 @@ ordered_json motion_json(const Scene& scene, const Solution& solution)
         const double mm_s = velocity_of(solution, view, middle).norm();
         frame = mm_s > fastest_mm_s ? view.frame : frame;
         fastest_mm_s = std::max(fastest_mm_s, mm_s);
-        fastest_deg_s = std::max(fastest_deg_s, kDegreesPerRadian
-                                                    * solution.state.shutter.velocity[view.pose].head<3>().norm());
+        const Vector6& velocity = solution.state.shutter.velocity[view.pose];
+        fastest_deg_s = std::max(fastest_deg_s, kDegreesPerRadian * velocity.head<3>().norm());
     }
     const VelocityDeviation& deviation = solution.state.shutter.deviation;
     return {{"fastest_mm_s", fastest_mm_s},
@@ -97,13 +97,15 @@ std::string shutter_text(const ordered_json& rig)
     for (const ordered_json& camera : rig.at("cameras")) {
         const double row_time_ns = camera.at("row_time_ns");
         const double sigma_ns = camera.at("row_time_sigma_ns");
-        text += fmt::format("    {}: {}\n", camera.at("name").get<std::string>(),
-                            sigma_ns > 0.0 ? fmt::format("{:.1f} +- {:.1f} ns a row, estimated", row_time_ns, sigma_ns)
-                            : row_time_ns != 0.0 ? fmt::format("{:.1f} ns a row, as given", row_time_ns)
-                                                 : "global shutter");
+        const std::string how =
+            sigma_ns > 0.0 ? fmt::format("{:.1f} +- {:.1f} ns a row, estimated", row_time_ns, sigma_ns)
+            : row_time_ns != 0.0 ? fmt::format("{:.1f} ns a row, as given", row_time_ns)
+                                 : "global shutter";
+        text += fmt::format("    {}: {}\n", camera.at("name").get<std::string>(), how);
     }
     const ordered_json& motion = rig.at("motion");
-    return text + fmt::format("    fastest: a board's middle at {:.0f} mm/s in frame {}; turning at {:.0f} degrees/s\n",
+    return text + fmt::format("    fastest: a board's middle at {:.0f} mm/s in frame {}; turning at {:.0f} "
+                              "degrees/s\n",
                               motion.at("fastest_mm_s").get<double>(),
                               motion.at("fastest_frame").get<std::int64_t>(),
                               motion.at("fastest_deg_s").get<double>());

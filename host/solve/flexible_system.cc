@@ -87,7 +87,8 @@ public:
             out->dense.middleCols<3>(lens_count_ + 3) = by_point;
             out->by_height = by_point * pose_.rotation.col(2);
             if (rolls_) {
-                out->dense.middleCols<6>(lens_count_ + 6) = point.pixel.y() * out->dense.middleCols<6>(lens_count_);
+                out->dense.middleCols<6>(lens_count_ + 6) =
+                    point.pixel.y() * out->dense.middleCols<6>(lens_count_);
             }
         }
         return true;
@@ -265,7 +266,8 @@ public:
                 system_->normal.block(at, before, map.cols(), other.cols()) += half * other;
             }
             if (lens_ >= 0) {
-                system_->normal.block(at, lens_, map.cols(), k) += map.transpose() * dense_.bottomLeftCorner(12, k);
+                system_->normal.block(at, lens_, map.cols(), k) +=
+                    map.transpose() * dense_.bottomLeftCorner(12, k);
             }
         }
         couple(field_, fields_, links);

@@ -20,8 +20,8 @@ struct RollingView {
 // Compresses the view at this state.
 void compress(const View& view, const RigState& state, double cauchy, RollingView* out);
 
-// ViewCost's like. Parameters: the lens, cam_from_rig, rig_from_body with its velocity, body_from_board for a
-// member, and the row time (s) where it is solved for. Borrows `view`.
+// ViewCost's like. Parameters: the lens, cam_from_rig, rig_from_body with its velocity,
+// body_from_board for a member, and the row time (s) where it is solved for. Borrows `view`.
 class RollingCost : public ceres::CostFunction {
 public:
     RollingCost(const RollingView* view, int lens_count, bool member, bool row_time);

@@ -17,8 +17,8 @@ struct MovingPart {
     Eigen::Matrix<double, 12, 12> own = Eigen::Matrix<double, 12, 12>::Zero();
 };
 
-// Where the columns of rolling_normal go: common rows, below 0 for those held, and -2 - k for column k of
-// the body's twelve.
+// Where the columns of rolling_normal go: common rows, below 0 for those held, and -2 - k for
+// column k of the body's twelve.
 std::vector<Eigen::Index> places_of(const View& view, const CommonRows& rows, Eigen::Index lens_count)
 {
     const auto camera = static_cast<std::size_t>(view.camera);

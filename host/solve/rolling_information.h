@@ -1,4 +1,5 @@
-// The information that views with rolling shutters give, velocities eliminated: uncertainty.cc's sums.
+// The information that views with rolling shutters give, velocities eliminated: uncertainty.cc's
+// sums.
 #pragma once
 
 #include <map>
@@ -7,7 +8,8 @@
 
 namespace rig {
 
-// What the views of one body pose say: of the pose together with what is common, and of the pose itself.
+// What the views of one body pose say: of the pose together with what is common, and of the pose
+// itself.
 struct PosePart {
     Eigen::MatrixXd across;  // common rows by 6
     Eigen::Matrix<double, 6, 6> own = Eigen::Matrix<double, 6, 6>::Zero();
@@ -22,8 +24,8 @@ struct CommonRows {
     Eigen::Index size = 0;
 };
 
-// Adds to the common matrix, and gives each pose's part. Velocities have their prior, which counts with
-// noise that is noise_factor times what the sigmas say.
+// Adds to the common matrix, and gives each pose's part. Velocities have their prior, which counts
+// with noise that is noise_factor times what the sigmas say.
 std::map<std::size_t, PosePart> rolling_information(const std::vector<View>& views, const RigState& state,
                                                     const CommonRows& rows, double noise_factor,
                                                     Eigen::MatrixXd* common);

@@ -11,9 +11,9 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 // Rows of J gathered before they are multiplied.
 enum { kSlabRows = 64, kColumnsMax = kIntrinsicsMax + kRollingMotionCount };
 
-// Motion of a view's board in the camera's frame, about the board's origin, by a velocity of its body,
-// about the body's: with R_c of cam_from_rig and s from the body's origin to the board's, in the
-// camera's axes, w_m = R_c w, t_m = R_c v - [s]x R_c w.
+// Motion of a view's board in the camera's frame, about the board's origin, by a velocity of its
+// body, about the body's: with R_c of cam_from_rig and s from the body's origin to the board's, in
+// the camera's axes, w_m = R_c w, t_m = R_c v - [s]x R_c w.
 Matrix6 motion_by_velocity(const View& view, const RigState& state)
 {
     const PoseChain chain = chain_of(state, view);

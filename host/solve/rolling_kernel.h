@@ -1,8 +1,8 @@
 // The quadratic model of a view whose rows see a moving board one after another (shutter.h). To the
 // view's own parameters (view_kernel.h) come six more: what the motion grows by from row to row,
 //     motion of a point seen in row y = motion + y growth
-// so that its derivative by the growth is y times that by the motion, and velocity, row time, pose and
-// stamps all act through these twelve. A point's residual is
+// so that its derivative by the growth is y times that by the motion, and velocity, row time, pose
+// and stamps all act through these twelve. A point's residual is
 //     (projection + centre_offset_px + shift - observed) / sigma_px
 // with the shift that which the state's velocity differs by from the one the offset was made for:
 //     shift = d projection / d motion * M (s v - s_held v_held),   s = start_s + y row_time
@@ -28,7 +28,8 @@ struct RollingMaps {
 
 RollingMaps rolling_maps(const View& view, const RigState& state);
 
-// What the state's velocity adds to the motion beyond what is in the view's offsets: at row 0, and a row.
+// What the state's velocity adds to the motion beyond what is in the view's offsets: at row 0, and
+// a row.
 struct MotionChange {
     Vector6 first = Vector6::Zero();
     Vector6 growth = Vector6::Zero();
@@ -40,15 +41,16 @@ MotionChange motion_change(const View& view, const RigState& state);
 bool rolling_quadratic(const View& view, const RigState& state, double cauchy, bool derive,
                        LocalQuadratic* out);
 
-// The normal matrix by the lens's parameters, six of each link (two or three), the velocity's six and the
-// row time.
+// The normal matrix by the lens's parameters, six of each link (two or three), the velocity's six
+// and the row time.
 Eigen::MatrixXd rolling_normal(const LocalQuadratic& quadratic, const RollingMaps& maps, int links);
 
 // Where a view's board is for each of its rows.
 class RowPoses {
 public:
     RowPoses(const View& view, const RigState& state);
-    const Pose& still() const { return still_; }  // cam_from_board at the time that the body's pose is given for
+    // cam_from_board at the time that the body's pose is given for.
+    const Pose& still() const { return still_; }
     Pose at(double row) const;
 
 private:
@@ -61,8 +63,8 @@ private:
     double row_time_s_ = 0.0;
 };
 
-// What the shutter moves a point by in the image, px: `there` is where its row sees the board. Zero where
-// it has no image.
+// What the shutter moves a point by in the image, px: `there` is where its row sees the board. Zero
+// where it has no image.
 Eigen::Vector2d shutter_shift(const Camera& lens, const Pose& still, const Pose& there,
                               const Eigen::Vector3d& at_mm);
 

@@ -24,8 +24,9 @@ Status check_row_time_reference(const Scene& scene, const std::vector<int>& part
         }
         if (!told) {
             return Status::failure(fmt::format(
-                "camera '{}': its row time cannot be estimated, because only a rolling shutter whose row time is "
-                "known tells how fast the boards move; give the 'row_time_ns' of a camera that sees them with it",
+                "camera '{}': its row time cannot be estimated, because only a rolling shutter whose "
+                "row time is known tells how fast the boards move; give the 'row_time_ns' of a camera "
+                "that sees them with it",
                 scene.cameras[camera].name));
         }
     }
@@ -58,10 +59,11 @@ Status check_row_times(const Scene& scene, const Solution& solution)
         const double deviation_s = moves ? solution.covariance.row_time_s[c] : HUGE_VAL;
         if (!(deviation_s * known.height_px < kImageTimeWorstS)) {
             return Status::failure(fmt::format(
-                "camera '{}': its row time cannot be estimated ({}), because the boards hardly move while rows are "
-                "read; move them faster, or give its 'row_time_ns'",
-                known.name, moves && deviation_s < 1e-3 ? fmt::format("known to {:.0f} ns only", 1e9 * deviation_s)
-                                                        : "nothing tells it"));
+                "camera '{}': its row time cannot be estimated ({}), because the boards hardly move "
+                "while rows are read; move them faster, or give its 'row_time_ns'",
+                known.name,
+                moves && deviation_s < 1e-3 ? fmt::format("known to {:.0f} ns only", 1e9 * deviation_s)
+                                            : "nothing tells it"));
         }
     }
     return Status();

@@ -1,6 +1,6 @@
-// See velocity_elimination.h. With V the velocity's own block, g its gradient, P its coupling with the pose and
-// A that with the columns (rows), the others lose P' V^-1 P, A V^-1 A', A V^-1 P, A V^-1 g and P' V^-1 g, and
-// the velocity's step is -V^-1 (g + P poses + A' columns).
+// See velocity_elimination.h. With V the velocity's own block, g its gradient, P its coupling with
+// the pose and A that with the columns (rows), the others lose P' V^-1 P, A V^-1 A', A V^-1 P, A
+// V^-1 g and P' V^-1 g, and the velocity's step is -V^-1 (g + P poses + A' columns).
 #include "host/solve/velocity_elimination.h"
 
 #include <Eigen/Cholesky>

@@ -1,5 +1,5 @@
-// Velocities of boards taken out of the normal equations of flexible_system.h: what remains is a system of
-// columns and poses as it is without shutters.
+// Velocities of boards taken out of the normal equations of flexible_system.h: what remains is a
+// system of columns and poses as it is without shutters.
 #pragma once
 
 #include "host/solve/flexible_system.h"

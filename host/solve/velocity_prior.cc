@@ -14,17 +14,17 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix12 = Eigen::Matrix<double, 12, 12>;
 
-// A board that is held still; a point 1 m from its origin then moves by less than a hundredth of a pixel
-// in a tenth of a second.
+// A board that is held still; a point 1 m from its origin then moves by less than a hundredth of a
+// pixel in a tenth of a second.
 constexpr double kTurnMinRadS = 1e-5;
 constexpr double kShiftMinMmS = 1e-2;
 constexpr int kRounds = 300;
 constexpr double kSettledPart = 1e-6;
-// Residuals larger than that are no noise, but what is still to be solved for: if they counted as noise, no
-// velocity would rise above it.
+// Residuals larger than that are no noise, but what is still to be solved for: if they counted as
+// noise, no velocity would rise above it.
 constexpr double kFactorMost = 3.0;
-// Deviations that change by less leave the solution where it was: its share in what is known of a velocity
-// is small where boards move, and velocities are zero where they do not.
+// Deviations that change by less leave the solution where it was: its share in what is known of a
+// velocity is small where boards move, and velocities are zero where they do not.
 constexpr double kDuePart = 0.05;
 // Of a camera whose row time is not known: what it takes to read an image, to start with.
 constexpr double kImageTimeS = 0.02;
@@ -113,7 +113,9 @@ VelocityDeviation next(const std::vector<Pull>& pulls, const VelocityDeviation& 
         }
     }
     *all_told = told.sum();
-    const auto root = [&](int part) { return told[part] > 0.0 ? std::sqrt(squares[part] / told[part]) : 0.0; };
+    const auto root = [&](int part) {
+        return told[part] > 0.0 ? std::sqrt(squares[part] / told[part]) : 0.0;
+    };
     return {std::max(kTurnMinRadS, root(0)), std::max(kShiftMinMmS, root(1))};
 }
 
@@ -123,8 +125,8 @@ bool differ(const VelocityDeviation& a, const VelocityDeviation& b, double part)
            || std::abs(a.shift_mm_s / b.shift_mm_s - 1.0) > part;
 }
 
-// Bodies that do not move have one time; the others' views that of their stamp. A pose is given for the mean
-// time of the rows that saw it, so that its own error has least to do with its velocity's.
+// Bodies that do not move have one time; the others' views that of their stamp. A pose is given for
+// the mean time of the rows that saw it, so that its own error has least to do with its velocity's.
 void set_clocks(const Scene& scene, ViewSet* set)
 {
     std::vector<double> sum(set->poses.size(), 0.0);
@@ -134,7 +136,9 @@ void set_clocks(const Scene& scene, ViewSet* set)
         const auto stamp = scene.stamps_ns.find({view.camera, view.frame});
         view.clock = RowClock();
         view.clock.moves = !scene.boards[static_cast<std::size_t>(view.board)].is_static;
-        view.clock.start_s = stamp == scene.stamps_ns.end() ? 0.0 : 1e-9 * static_cast<double>(stamp->second);
+        if (stamp != scene.stamps_ns.end()) {
+            view.clock.start_s = 1e-9 * static_cast<double>(stamp->second);
+        }
         for (const ViewPoint& point : view.points) {
             sum[view.pose] += view.clock.at_s(row_time_to_start_s(camera), point.pixel.y());
             count[view.pose] += 1.0;

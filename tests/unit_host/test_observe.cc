@@ -38,6 +38,7 @@ struct Shot {
     std::uint32_t number = 0;
     double x = 100.25;
     double y = 50.5;
+    std::uint32_t row_time_ns = 0;
 };
 
 std::vector<std::uint8_t> packet_of(const Shot& shot)
@@ -47,6 +48,7 @@ std::vector<std::uint8_t> packet_of(const Shot& shot)
     header.t_capture_ns = shot.t_ns;
     header.packet_index = shot.number;
     header.clock_kind = WIRE_CLOCK_MONOTONIC;
+    header.row_time_ns = shot.row_time_ns;
     header.width_px = 640;
     header.height_px = 480;
     wire_feature feature = {};
@@ -84,6 +86,30 @@ Scene observed(const std::vector<std::string>& journals, const std::vector<std::
     Result<Scene> scene = observe(journals, targets, options);
     TEST_ASSERT_TRUE_MESSAGE(scene.ok(), scene.ok() ? "" : scene.sentence().c_str());
     return scene.value();
+}
+
+void row_times_and_stamps_within_an_instant_are_kept()
+{
+    const std::string target = make_target("t.json", "[[7, 9]]");
+    const Scene scene = observed({make_journal("j", {{"left", 1000, 7, 0, 9.0, 9.0, 12000},
+                                                     {"right", 1400, 7, 0, 9.0, 9.0, 0},
+                                                     {"left", 900000, 7, 1, 9.0, 9.0, 12000}})},
+                                 {target}, 500);
+    TEST_ASSERT_TRUE(scene.cameras[0].row_time_ns == 12000.0 && !scene.cameras[0].estimate_row_time);
+    TEST_ASSERT_TRUE(scene.cameras[1].row_time_ns == 0.0);
+    TEST_ASSERT_EQUAL_INT64(0, scene.stamps_ns.at({0, 0}));
+    TEST_ASSERT_EQUAL_INT64(400, scene.stamps_ns.at({1, 0}));
+    TEST_ASSERT_EQUAL_INT64(0, scene.stamps_ns.at({0, 1}));
+}
+
+void a_camera_that_changes_its_row_time_is_refused()
+{
+    const std::string journal = make_journal("j", {{"left", 1000, 7, 0, 9.0, 9.0, 12000},
+                                                   {"left", 2000, 7, 1, 9.0, 9.0, 13000}});
+    const Result<Scene> scene = observe({journal}, {make_target("t.json", "[[7, 9]]")}, ObserveOptions());
+    TEST_ASSERT_FALSE(scene.ok());
+    TEST_ASSERT_EQUAL_STRING("camera 'left' changed its row time from 12000 to 13000 ns: solve recordings of each "
+                             "apart", scene.sentence().c_str());
 }
 
 void a_feature_becomes_an_observation_of_its_board_point()
@@ -230,6 +256,8 @@ int main()
 {
     UNITY_BEGIN();
     RUN_TEST(a_feature_becomes_an_observation_of_its_board_point);
+    RUN_TEST(row_times_and_stamps_within_an_instant_are_kept);
+    RUN_TEST(a_camera_that_changes_its_row_time_is_refused);
     RUN_TEST(a_turned_patch_has_its_points_turned);
     RUN_TEST(cameras_are_sorted_by_name_and_instants_by_time);
     RUN_TEST(the_tolerance_given_decides_what_is_one_instant);
