@@ -13,7 +13,8 @@ fuzz_recording_SRC   := $(addprefix tools/v4l2_shim/,pgm_head.c times_csv.c raw_
 fuzz_recording_LDLIBS := -lcjson
 fuzz_rig_SRC         := host/report/rig_file.cc host/report/spline_json.cc host/report/covariance_json.cc \
                         host/solve/surface.cc host/base/bspline.cc $(filter host/model/%,$(host_SRC))
-fuzz_scene_SRC       := $(addprefix host/obs/,scene.cc observations_file.cc target_board.cc digest.cc) host/base/csv.cc
+fuzz_scene_SRC       := $(addprefix host/obs/,scene.cc baselines.cc observations_file.cc target_board.cc \
+                                                 digest.cc) host/base/csv.cc
 fuzz_scene_LIBS      := targetfile common
 fuzz_scene_LDLIBS    := -lcjson -lfmt
 fuzz_targetfile_LIBS := targetfile common
