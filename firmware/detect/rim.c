@@ -458,7 +458,7 @@ void rim_gather(const struct rim *rim, const struct frame_view *frame, const str
     bottom = bottom >= frame->height_px ? frame->height_px - 1 : bottom;
 
     struct row row = {.x_px = e->x_px_q16 >> 16};
-    const int64_t dx_q16 = ((int64_t)row.x_px << 16) - e->x_px_q16; /* p = dx / B_xx */
+    const int64_t dx_q16 = (int64_t)row.x_px * 65536 - e->x_px_q16; /* p = dx / B_xx */
     row.p_q24 = (int32_t)((dx_q16 * view->over_xx_q40) >> 16);
     const int64_t sheared_q16 = e->y_px_q16 + fx_round_shift_i64(dx_q16 * view->slope_q24, 24);
     const int64_t step = thin_step(view);
