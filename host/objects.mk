@@ -101,6 +101,7 @@ tessera-rig_SRC := \
   host/rig/receiver.cc \
   host/rig/cmd_journal.cc \
   host/rig/cmd_solve.cc \
+  host/rig/lens_argument.cc \
   host/rig/cmd_project.cc \
   host/rig/cmd_report.cc \
   host/rig/cmd_export.cc \

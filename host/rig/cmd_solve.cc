@@ -19,6 +19,7 @@
 #include "host/report/summary.h"
 #include "host/report/surface_picture.h"
 #include "host/rig/commands.h"
+#include "host/rig/lens_argument.h"
 #include "host/solve/prior.h"
 #include "host/solve/rig.h"
 
@@ -110,7 +111,6 @@ Result<Scene> read_input(const SolveArguments& arguments)
     return observe(arguments.inputs, arguments.targets, options);
 }
 
-// Where the model was left to the tool, it is the prior's.
 Status read_prior(const SolveArguments& arguments, const Scene& scene, SolveOptions* options, Prior* prior)
 {
     Result<RigFile> rig = read_rig_file(arguments.prior);
@@ -133,10 +133,7 @@ Status read_prior(const SolveArguments& arguments, const Scene& scene, SolveOpti
         prior->cam_from_rig.push_back(camera.cam_from_rig);
         sizes_px.emplace_back(camera.width_px, camera.height_px);
     }
-    if (options->choose_lens && !prior->lenses.empty()) {
-        options->model = prior->lenses.front().model;
-    }
-    return match_prior(scene, options->model, sizes_px, prior);
+    return match_prior(scene, sizes_px, &options->lenses, prior);
 }
 
 Status write_result(const SolveArguments& arguments, const Scene& scene, const Solution& solution)
@@ -198,9 +195,12 @@ Status solve(const SolveArguments& arguments)
     }
     say(fmt::format("read {} observations of {} cameras", scene.value().observations.size(),
                     scene.value().cameras.size()));
+    const Result<std::vector<LensChoice>> lenses = lens_choices(arguments.model, scene.value().cameras);
+    if (!lenses.ok()) {
+        return lenses.status();
+    }
     SolveOptions options;
-    options.choose_lens = arguments.model == "auto";
-    options.model = options.choose_lens ? CameraModel::kBrown : *camera_model_from_name(arguments.model);
+    options.lenses = lenses.value();
     options.flat = arguments.flat;
     options.partial = arguments.partial;
     options.threads = arguments.threads;
@@ -232,8 +232,12 @@ void add_solve(CLI::App& app)
     command->add_option("--target", arguments->targets, "Target file of the journals; may be repeated");
     command->add_option("--out", arguments->out, "Folder for rig.json, summary.txt and pictures")
         ->required();
-    command->add_option("--model", arguments->model, "Lens model of all cameras; auto: brown, and richer where held-out frames gain by it")
-        ->check(CLI::IsMember({"auto", "brown", "rational", "thin-prism", "fisheye"}))
+    command->add_option("--model", arguments->model,
+                        "Lens of all cameras: auto (brown, and richer where held-out frames gain by it), brown, "
+                        "rational, thin-prism, fisheye, spline (a smooth field over brown; rational+spline and "
+                        "the like: over others). Or camera by camera: cam0=spline,cam1=brown; an entry without "
+                        "a camera is for all others")
+        ->check(CLI::Validator(lens_argument_fault, "LENS"))
         ->capture_default_str();
     command->add_option("--sync-tolerance-us", arguments->tolerance_us,
                         "Captures of journals this close make one instant; a tenth of the frame interval "

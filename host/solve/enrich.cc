@@ -3,7 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "host/solve/flexible_covariance.h"
+#include "host/solve/richer.h"
 #include "host/solve/surface.h"
 
 namespace rig {
@@ -25,16 +28,79 @@ RefineResult fit_all(const Scene& scene, const Solution& solution, int threads, 
     return settle(solve, threads, views, state);
 }
 
+// What a field wants to be told: as many views as a choice of models asks for, in half of its cells a
+// point, and ten points to a control point, two numbers each, so that poses and noise leave it its share.
+constexpr int kFieldPointsEach = 10;
+
+Status check_data(const SceneCamera& known, int camera, const Camera& lens, const std::vector<View>& views)
+{
+    const BsplineGrid& grid = lens.field.grid;
+    const int across = grid.columns - 3;
+    std::vector<char> cells(static_cast<std::size_t>(across * (grid.rows - 3)), 0);
+    std::size_t count = 0;
+    int usable = 0;
+    for (const View& view : views) {
+        const std::size_t before = count;
+        for (const ViewPoint& point : view.points) {
+            if (view.camera == camera && point.used) {
+                const BsplineSupport at = bspline_support(grid, point.pixel);
+                cells[static_cast<std::size_t>(at.row * across + at.column)] = 1;
+                ++count;
+            }
+        }
+        usable += count > before ? 1 : 0;
+    }
+    const auto wanted = static_cast<std::size_t>(kFieldPointsEach * grid.count());
+    const auto filled = static_cast<std::size_t>(std::count(cells.begin(), cells.end(), 1));
+    if (usable >= kChoiceInstantsMin && count >= wanted && 2 * filled >= cells.size()) {
+        return Status();
+    }
+    return Status::failure(fmt::format(
+        "camera '{}' has too few data for a spline lens: {} views, {} points, in {} of the {} cells of the "
+        "coarsest; it wants {} views, {} points, in half of the cells. Record more, or give it --model {}",
+        known.name, usable, count, filled, cells.size(), static_cast<int>(kChoiceInstantsMin), wanted,
+        camera_model_name(lens.model)));
+}
+
+// Gives fields to the cameras that are told to have one; true when there are any.
+Result<bool> put_fields(const Scene& scene, const SolveOptions& options, const Solution& solution,
+                        RigState* state)
+{
+    bool any = false;
+    for (const int camera : solution.cameras) {
+        const auto c = static_cast<std::size_t>(camera);
+        if (options.lenses[c].field) {
+            enrich_lens(scene.cameras[c], first_field(), &state->lenses[c]);
+            const Status status =
+                check_data(scene.cameras[c], camera, state->lenses[c], solution.set.views);
+            if (!status.ok()) {
+                return status;
+            }
+            any = true;
+        }
+    }
+    return any;
+}
+
 }  // namespace
 
-void enrich(const Scene& scene, const SolveOptions& options, const Progress& progress,
-            Solution* solution)
+Status enrich(const Scene& scene, const SolveOptions& options, const Progress& progress,
+              Solution* solution)
 {
-    const ChoiceOptions choice{options.choose_lens, !options.flat, solution->gauge_cameras};
-    if (!choice.lenses && !choice.surfaces) {
-        return;
-    }
     RigState state = solution->state;
+    const Result<bool> told = put_fields(scene, options, *solution, &state);
+    if (!told.ok()) {
+        return told.status();
+    }
+    ChoiceOptions choice;
+    for (const LensChoice& lens : options.lenses) {
+        choice.lenses.push_back(lens.richer || lens.field);
+    }
+    choice.surfaces = !options.flat;
+    choice.gauge_cameras = solution->gauge_cameras;
+    if (!choice.surfaces && std::count(choice.lenses.begin(), choice.lenses.end(), 1) == 0) {
+        return Status();
+    }
     solution->choice = choose_models(scene, solution->set.views, choice, &state);
     for (const ModelTrial& trial : solution->choice.trials) {
         progress(fmt::format("held-out frames, {}: RMS {:.4f} -> {:.4f} sigmas, {:.1f} times what is "
@@ -42,15 +108,19 @@ void enrich(const Scene& scene, const SolveOptions& options, const Progress& pro
                              trial.what, trial.before, trial.after, trial.significance,
                              trial.taken ? ", taken" : ""));
     }
-    if (!solution->choice.changed) {
-        return;
+    if (!solution->choice.changed && !told.value()) {
+        return Status();
     }
     std::vector<View> views = solution->set.views;
     const RefineResult refined = fit_all(scene, *solution, options.threads, &views, &state);
+    if (!refined.converged && told.value()) {
+        return Status::failure("the rig does not settle with spline lenses; record more views, or leave the "
+                               "model to --model auto");
+    }
     if (!refined.converged) {
         progress("the richer model does not settle over all frames; kept the simple one");
         solution->choice.changed = false;
-        return;
+        return Status();
     }
     solution->state = std::move(state);
     solution->set.views = std::move(views);
@@ -58,6 +128,7 @@ void enrich(const Scene& scene, const SolveOptions& options, const Progress& pro
     solution->spline_covariance =
         flexible_covariance(solution->set.views, scene, solution->cameras, solution->gauge_cameras,
                             solution->state);
+    return Status();
 }
 
 }  // namespace rig

@@ -6,9 +6,10 @@
 
 namespace rig {
 
-// Sets solution->choice and, where something richer was chosen, state, used points, sigmas, centre
-// offsets and noise factors. Keeps the solution as it is where the richer one does not settle.
-void enrich(const Scene& scene, const SolveOptions& options, const Progress& progress,
+// Sets solution->choice and, where something richer was chosen or told, state, used points, sigmas, centre
+// offsets and noise factors. Keeps the solution as it is where what was chosen does not settle. Fails with a
+// sentence where a camera that is to have a field has too few data for one.
+Status enrich(const Scene& scene, const SolveOptions& options, const Progress& progress,
             Solution* solution);
 
 }  // namespace rig

@@ -242,9 +242,11 @@ public:
         whole_.surfaces.resize(scene.boards.size());
         instants_ = halves.instants;
         seen_.assign(scene.cameras.size(), 0);
+        climbs_.assign(scene.cameras.size(), 0);
         std::vector<char> boards(scene.boards.size(), 0);
         for (const View& view : halves.views) {
             seen_[static_cast<std::size_t>(view.camera)] = 1;
+            climbs_[static_cast<std::size_t>(view.camera)] = options.lenses[static_cast<std::size_t>(view.camera)];
             boards[static_cast<std::size_t>(view.board)] = 1;
             for (const ViewPoint& point : view.points) {
                 sigmas_known_ = sigmas_known_ && point.sigma_known;
@@ -263,7 +265,7 @@ public:
         choice.instants = instants_;
         simple_ = chooser_.look(whole_);
         const bool promising = some_promise();
-        if (!promising && !options_.lenses) {
+        if (!promising && !lenses_climb()) {
             return choice;
         }
         const RigState start[2] = {whole_, whole_};
@@ -292,8 +294,8 @@ private:
     // Whether any first richer step is worth the fits to both halves.
     bool some_promise() const
     {
-        for (std::size_t up = 1; options_.lenses && up <= 3; ++up) {
-            if (chooser_.promise(simple_, with_lenses(whole_, up, seen_)) >= kPromiseDeviations) {
+        for (std::size_t up = 1; lenses_climb() && up <= 3; ++up) {
+            if (chooser_.promise(simple_, with_lenses(whole_, up, climbs_)) >= kPromiseDeviations) {
                 return true;
             }
         }
@@ -324,7 +326,7 @@ private:
         std::vector<Candidate> candidates;
         // From formulas on, one step more: past rational and thin prism stands the first field.
         const std::size_t ahead = static_cast<std::size_t>(kLookAhead) + (field_used() ? 0 : 1);
-        for (std::size_t up = 1; options_.lenses && up <= ahead; ++up) {
+        for (std::size_t up = 1; lenses_climb() && up <= ahead; ++up) {
             try_lens(up, &candidates);
         }
         for (std::size_t up = 0; options_.surfaces && up < static_cast<std::size_t>(kLookAhead); ++up) {
@@ -346,6 +348,8 @@ private:
         }
         return best != nullptr;
     }
+
+    bool lenses_climb() const { return std::count(climbs_.begin(), climbs_.end(), 1) > 0; }
 
     bool field_used() const
     {
@@ -393,10 +397,10 @@ private:
     {
         Candidate candidate;
         candidate.lens_steps = up;
-        candidate.cameras = seen_;
+        candidate.cameras = climbs_;
         std::string what;
-        for (std::size_t c = 0; c < seen_.size(); ++c) {
-            candidate.cameras[c] = seen_[c] && at_[c] + up < ladders_[c].size();
+        for (std::size_t c = 0; c < climbs_.size(); ++c) {
+            candidate.cameras[c] = climbs_[c] && at_[c] + up < ladders_[c].size();
             what = candidate.cameras[c] ? ladders_[c][at_[c] + up] : what;
         }
         if (what.empty() || !fit(candidate.cameras, &candidate)) {
@@ -466,6 +470,7 @@ private:
     std::size_t next_surface_ = 0;
     std::vector<std::size_t> bendable_;              // boards
     std::vector<char> seen_;                         // by camera
+    std::vector<char> climbs_;                       // seen, and richer lenses may be tried
     std::size_t instants_ = 0;
     bool sigmas_known_ = true;
     FlexibleResult simple_;                          // first step of the simplest model

@@ -31,8 +31,8 @@
 namespace rig {
 
 struct ChoiceOptions {
-    bool lenses = true;    // richer lenses may be tried
-    bool surfaces = true;  // boards may bend
+    std::vector<char> lenses;  // by scene camera: a richer one may be tried
+    bool surfaces = true;      // boards may bend
     std::vector<int> gauge_cameras{0};
 };
 

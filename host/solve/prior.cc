@@ -162,8 +162,8 @@ std::unique_ptr<ceres::CostFunction> prior_cost(const Prior& prior, const Known&
 
 }  // namespace
 
-Status match_prior(const Scene& scene, CameraModel model, const std::vector<Eigen::Vector2i>& sizes_px,
-                   Prior* prior)
+Status match_prior(const Scene& scene, const std::vector<Eigen::Vector2i>& sizes_px,
+                   std::vector<LensChoice>* lenses, Prior* prior)
 {
     prior->place.assign(scene.cameras.size(), -1);
     bool any = false;
@@ -180,11 +180,22 @@ Status match_prior(const Scene& scene, CameraModel model, const std::vector<Eige
                 "it was made from", camera.name, camera.width_px, camera.height_px, sizes_px[place].x(),
                 sizes_px[place].y(), prior->source));
         }
-        if (prior->lenses[place].model != model) {
+        const Camera& known = prior->lenses[place];
+        const std::string_view model = camera_model_name(known.model);
+        if (!known.field.empty()) {
             return Status::failure(fmt::format(
-                "camera '{}' has a {} lens in the prior {}, not a {} one: give --model {}", camera.name,
-                camera_model_name(prior->lenses[place].model), prior->source, camera_model_name(model),
-                camera_model_name(prior->lenses[place].model)));
+                "camera '{}' has a spline lens in the prior {}, and what is known of its field is not in the "
+                "file: solve that recording with --model {} to make it a prior", camera.name, prior->source,
+                model));
+        }
+        LensChoice& lens = (*lenses)[c];
+        if (lens.richer) {
+            lens = {known.model, false, false};
+        }
+        if (lens.field || lens.model != known.model) {
+            return Status::failure(fmt::format(
+                "camera '{}' has a {} lens in the prior {}, not a {} one: give --model {}", camera.name, model,
+                prior->source, lens.field ? "spline" : camera_model_name(lens.model), model));
         }
         prior->place[c] = static_cast<int>(place);
         any = true;

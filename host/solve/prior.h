@@ -7,6 +7,7 @@
 #include "host/base/status.h"
 #include "host/solve/covariance.h"
 #include "host/solve/intrinsics.h"
+#include "host/solve/lens_choice.h"
 
 namespace ceres {
 class Problem;
@@ -25,10 +26,11 @@ struct Prior {
     std::vector<int> place;           // by scene camera: index into the above; -1 where it is not in it
 };
 
-// Cameras are matched by name. Fails with a sentence when none is in the scene, or when one has images of
-// another size (`sizes_px` of the earlier result) or another lens model than `model`.
-Status match_prior(const Scene& scene, CameraModel model, const std::vector<Eigen::Vector2i>& sizes_px,
-                   Prior* prior);
+// Cameras are matched by name; those whose lens is left open get the prior's (`lenses`, by scene camera).
+// Fails with a sentence when none is in the scene, or when one has images of another size (`sizes_px` of
+// the earlier result), another lens than it is told to have, or a field there, whose covariance no file holds.
+Status match_prior(const Scene& scene, const std::vector<Eigen::Vector2i>& sizes_px,
+                   std::vector<LensChoice>* lenses, Prior* prior);
 
 // Where the blocks of a solve lie, by scene camera; null where a camera takes no part.
 struct PriorBlocks {

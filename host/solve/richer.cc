@@ -3,10 +3,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace rig {
 namespace {
 
 constexpr int kFieldCells[] = {4, 6, 9, 13, 19, 27};
+
+std::string field_name(int cells)
+{
+    return fmt::format("spline, {} cells", cells);
+}
 
 }  // namespace
 
@@ -24,9 +31,10 @@ void resample(const BsplineGrid& from, const double* control, const BsplineGrid&
 std::vector<std::string> lens_ladder(const Camera& lens)
 {
     std::vector<std::string> ladder;
-    if (lens.model == CameraModel::kFisheye) {
+    const int own_cells = std::max(lens.field.grid.columns, lens.field.grid.rows) - 3;
+    if (lens.field.empty() && lens.model == CameraModel::kFisheye) {
         ladder.emplace_back(camera_model_name(lens.model));
-    } else {
+    } else if (lens.field.empty()) {
         for (const CameraModel model :
              {CameraModel::kBrown, CameraModel::kRational, CameraModel::kThinPrism}) {
             if (model >= lens.model) {
@@ -35,9 +43,16 @@ std::vector<std::string> lens_ladder(const Camera& lens)
         }
     }
     for (const int cells : kFieldCells) {
-        ladder.push_back(fmt::format("spline, {} cells", cells));
+        if (lens.field.empty() || cells >= own_cells) {
+            ladder.push_back(field_name(cells));
+        }
     }
     return ladder;
+}
+
+std::string first_field()
+{
+    return field_name(kFieldCells[0]);
 }
 
 void enrich_lens(const SceneCamera& camera, const std::string& name, Camera* lens)
@@ -49,7 +64,7 @@ void enrich_lens(const SceneCamera& camera, const std::string& name, Camera* len
         return;
     }
     for (const int cells : kFieldCells) {
-        if (name == fmt::format("spline, {} cells", cells)) {
+        if (name == field_name(cells)) {
             SplineField field = make_spline_field(camera.width_px, camera.height_px, cells);
             for (int part = 0; part < 2 && !lens->field.empty(); ++part) {
                 resample(lens->field.grid, lens->field.control.data() + part * lens->field.grid.count(),

@@ -158,7 +158,8 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
     by_view->assign(set.views.size(), Pose());
     std::vector<std::optional<Result<CameraAlone>>> alone(scene.cameras.size());
     parallel_for(alone.size(), options.threads, 1, [&](std::size_t camera) {
-        alone[camera] = calibrate_alone(scene, set, static_cast<int>(camera), options.model);
+        alone[camera] = calibrate_alone(scene, set, static_cast<int>(camera),
+                                        options.lenses[camera].model);
         if (!alone[camera]->ok() && in_prior(options.prior, camera)) {
             alone[camera] = poses_through_prior(scene, *options.prior, set, camera);
         }
@@ -167,7 +168,7 @@ Status calibrate_each(const Scene& scene, const SolveOptions& options, const Pro
     for (const auto& each : alone) {
         change.push_back(each->ok() ? each->value().change : std::nullopt);
     }
-    const Status lenses = check_lenses(scene, set, options.model, change);
+    const Status lenses = check_lenses(scene, set, options.lenses, change);
     if (!lenses.ok()) {
         return lenses;
     }
@@ -390,7 +391,10 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     }
     solution.noise_factor = refined.noise_factor;
     if (options.prior == nullptr) {  // richer models are solved for without it
-        enrich(scene, options, progress, &solution);
+        status = enrich(scene, options, progress, &solution);
+        if (!status.ok()) {
+            return status;
+        }
     }
     status = check_support(scene, options.prior, connection, alone_px, solution);
     if (!status.ok()) {

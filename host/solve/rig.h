@@ -7,6 +7,7 @@
 #include "host/solve/covariance.h"
 #include "host/solve/heldout.h"
 #include "host/solve/intrinsics.h"
+#include "host/solve/lens_choice.h"
 #include "host/solve/robust.h"
 
 namespace rig {
@@ -14,9 +15,8 @@ namespace rig {
 struct Prior;
 
 struct SolveOptions {
-    CameraModel model = CameraModel::kBrown;
-    bool choose_lens = false;  // go beyond `model` where held-out instants gain by it
-    bool flat = false;         // boards are held flat
+    std::vector<LensChoice> lenses;  // by scene camera
+    bool flat = false;     // boards are held flat
     bool partial = false;  // solve each connected part by itself when not all cameras are connected
     int threads = 1;       // does not change the result
     const Prior* prior = nullptr;  // matched with the scene; borrowed; null: none

@@ -47,9 +47,11 @@ double distance_px(const Camera& a, const Camera& b, const SceneCamera& camera)
     return count > 0 ? std::sqrt(squares / count) : HUGE_VAL;
 }
 
-bool are_swapped(const Scene& scene, const ViewSet& set, CameraModel model, int a, int b,
-                 const Change& change_a, const Change& change_b)
+bool are_swapped(const Scene& scene, const ViewSet& set, const std::vector<LensChoice>& lenses, int a,
+                 int b, const Change& change_a, const Change& change_b)
 {
+    const CameraModel model_a = lenses[static_cast<std::size_t>(a)].model;
+    const CameraModel model_b = lenses[static_cast<std::size_t>(b)].model;
     const bool together =
         change_a.last_before <= change_b.first_after && change_b.last_before <= change_a.first_after;
     const SceneCamera& known_a = scene.cameras[static_cast<std::size_t>(a)];
@@ -57,10 +59,10 @@ bool are_swapped(const Scene& scene, const ViewSet& set, CameraModel model, int 
     if (!together || known_a.width_px != known_b.width_px || known_a.height_px != known_b.height_px) {
         return false;
     }
-    const auto a_before = lens_of_half(scene, set, a, model, change_a, false);
-    const auto a_after = lens_of_half(scene, set, a, model, change_a, true);
-    const auto b_before = lens_of_half(scene, set, b, model, change_b, false);
-    const auto b_after = lens_of_half(scene, set, b, model, change_b, true);
+    const auto a_before = lens_of_half(scene, set, a, model_a, change_a, false);
+    const auto a_after = lens_of_half(scene, set, a, model_a, change_a, true);
+    const auto b_before = lens_of_half(scene, set, b, model_b, change_b, false);
+    const auto b_after = lens_of_half(scene, set, b, model_b, change_b, true);
     if (!a_before || !a_after || !b_before || !b_after) {
         return false;
     }
@@ -73,7 +75,7 @@ bool are_swapped(const Scene& scene, const ViewSet& set, CameraModel model, int 
 
 }  // namespace
 
-Status check_lenses(const Scene& scene, const ViewSet& set, CameraModel model,
+Status check_lenses(const Scene& scene, const ViewSet& set, const std::vector<LensChoice>& lenses,
                     const std::vector<std::optional<Change>>& change)
 {
     for (std::size_t a = 0; a < change.size(); ++a) {
@@ -82,7 +84,7 @@ Status check_lenses(const Scene& scene, const ViewSet& set, CameraModel model,
         }
         for (std::size_t b = a + 1; b < change.size(); ++b) {
             if (change[b]
-                && are_swapped(scene, set, model, static_cast<int>(a), static_cast<int>(b), *change[a],
+                && are_swapped(scene, set, lenses, static_cast<int>(a), static_cast<int>(b), *change[a],
                                *change[b])) {
                 return Status::failure(fmt::format(
                     "cameras '{}' and '{}' have each other's lens from frame {} on: their names were "

@@ -44,8 +44,8 @@ def bow_mm(board):
     return 1.0 - (u * u + v * v) / 2
 
 
-def observe(cameras, board, poses, seed, bent=False, shifted=False):
-    """As simulate.make_scene for corners, of a board that is bowed and lenses with the field."""
+def observe(cameras, board, poses, seed, bent=False, shifted=()):
+    """As simulate.make_scene for corners, of a board that is bowed and cameras of which some have the field."""
     rng = np.random.default_rng(seed)
     points = board[:, :3].copy()
     points[:, 2] += bow_mm(board) if bent else 0.0
@@ -55,7 +55,7 @@ def observe(cameras, board, poses, seed, bent=False, shifted=False):
         for frame, (turn, shift) in enumerate(poses):
             there = (points @ turn.T + shift) @ turn_cr.T + shift_cr
             pixels = simulate.project(camera, there)
-            pixels += field_px(pixels) if shifted else 0.0
+            pixels += field_px(pixels) if c in shifted else 0.0
             inside = ((pixels > 0) & (pixels < [camera["width"] - 1, camera["height"] - 1])).all(axis=1)
             for point in np.flatnonzero(inside):
                 rows.append((c, frame, int(point), *(pixels[point] + rng.normal(0, NOISE_PX, 2)), False))
@@ -105,7 +105,7 @@ def projection_error(rig, camera, seen):
 @pytest.fixture(scope="module")
 def unfittable(tmp_path_factory):
     folder = tmp_path_factory.mktemp("unfittable")
-    cameras, _, rows = make(folder / "in", shifted=True)
+    cameras, _, rows = make(folder / "in", shifted=(0, 1))
     rig, text = solve(folder / "in", folder / "out")
     return folder, cameras, rows, rig, text
 
@@ -129,6 +129,60 @@ def test_brown_as_told_stays_brown_and_the_summary_warns(unfittable):
     # The field is 15 to 40 times the noise, and what Brown's terms leave of it several times.
     assert rig["held_out"] is not None
     assert "residuals are" in text or "not to be trusted" in text or "too small to be trusted" in text
+
+
+def test_told_camera_by_camera_one_gets_a_field_and_the_other_keeps_its_formula(tmp_path):
+    cameras, _, rows = make(tmp_path / "in", shifted=(0,))
+    rig, _ = solve(tmp_path / "in", tmp_path / "out", "--model", "cam0=spline,cam1=brown", "--flat")
+    assert [camera["model"] for camera in rig["cameras"]] == ["spline", "brown"]
+    assert rig["cameras"][0]["base"] == "brown"
+    seen = np.array([row[3:5] for row in rows if row[0] == 0])
+    assert projection_error(tmp_path / "out" / "rig.json", cameras[0], seen) < 0.1
+    std = rig["cameras"][1]["standard_deviation"]
+    for key in ("fx", "fy", "cx", "cy"):
+        assert abs(rig["cameras"][1][key] - cameras[1][key]) < 4.5 * std[key], key
+
+
+def test_a_field_as_told_over_an_ordinary_lens_costs_what_its_freedom_costs(tmp_path):
+    cameras, _, rows = make(tmp_path / "in")
+    # Nothing asks for a field, so its cells stay the coarsest: 84 control points beside 9 intrinsics. The
+    # error of a mean over the image grows as the root of the unknowns, sqrt(93 / 9) = 3.2 of Brown's own
+    # error, which is sqrt(9 / (2 * 8000 points)) * 0.05 px = 0.0012 px a component; poses take their share,
+    # thrice that at the border of the data.
+    rig, _ = solve(tmp_path / "in", tmp_path / "out", "--model", "spline")
+    for c, camera in enumerate(rig["cameras"]):
+        assert (camera["model"], camera["base"]) == ("spline", "brown")
+        assert camera["spline"]["columns"] - 3 == 4
+        rays = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.2, 0.2, 5), [1.0]), -1).reshape(-1, 3)
+        seen = np.array([row[3:5] for row in rows if row[0] == c])
+        truth = simulate.project(cameras[c], rays)
+        near = [np.abs(seen - p).max(axis=1).min() < 40 for p in truth]
+        miss = pixels_of(tmp_path / "out" / "rig.json", camera, rays[near]) - truth[near]
+        # A shift of all pixels is a turn of the camera, which is not the lens's.
+        assert np.sqrt(((miss - miss.mean(axis=0))**2).sum(axis=1).mean()) < 0.03
+    assert rig["boards"][0]["surface"] is None
+
+
+def test_too_few_views_do_not_carry_a_field_that_is_told(tmp_path):
+    make(tmp_path / "in", frames=7)
+    result = run("solve", tmp_path / "in", "--out", tmp_path / "out", "--model", "cam1=spline,brown")
+    assert result.returncode == 1 and not (tmp_path / "out").exists()
+    sentence = result.stderr.strip().splitlines()[-1]
+    assert "'cam1' has too few data for a spline lens: 7 views" in sentence and "--model brown" in sentence
+
+
+@pytest.mark.parametrize("model, status, words", [
+    ("sphere", 2, ["'sphere' is not one of", "thin-prism", "spline"]),
+    ("cam0=spine", 2, ["'spine' is not one of"]),
+    ("cubic+spline", 2, ["'cubic+spline'"]),
+    ("brown,rational", 2, ["two lenses", "not named"]),
+    ("cam0=brown,cam0=auto", 2, ["two lenses", "'cam0'"]),
+    ("left=brown", 1, ["'left'", "'cam0', 'cam1'"])])
+def test_a_lens_that_cannot_be_told_is_refused(unfittable, tmp_path, model, status, words):
+    result = run("solve", unfittable[0] / "in", "--out", tmp_path / "out", "--model", model)
+    assert result.returncode == status and not (tmp_path / "out").exists()
+    for word in words:
+        assert word in result.stderr
 
 
 def test_unproject_undoes_project_through_a_field(unfittable):

@@ -81,19 +81,40 @@ void a_prior_of_another_size_or_model_or_of_no_camera_is_refused()
     const std::vector<Eigen::Vector2i> sizes(3, Eigen::Vector2i(640, 480));
     const Prior good = prior_of(small_rig::calibrated(small_rig::truth(&random), &random), {}, false);
     Prior prior = good;
-    TEST_ASSERT_TRUE(match_prior(scene, CameraModel::kBrown, sizes, &prior).ok());
+    std::vector<LensChoice> brown(3);
+    TEST_ASSERT_TRUE(match_prior(scene, sizes, &brown, &prior).ok());
     TEST_ASSERT_EQUAL_INT(2, prior.place[2]);
-    const auto refused = [&](Prior bad, CameraModel model, const std::vector<Eigen::Vector2i>& size,
+    const auto refused = [&](Prior bad, LensChoice told, const std::vector<Eigen::Vector2i>& size,
                              const char* word) {
-        const Status status = match_prior(scene, model, size, &bad);
+        std::vector<LensChoice> lenses(3, told);
+        const Status status = match_prior(scene, size, &lenses, &bad);
         TEST_ASSERT_FALSE(status.ok());
         TEST_ASSERT_TRUE_MESSAGE(status.sentence().find(word) != std::string::npos, status.sentence().c_str());
     };
-    refused(good, CameraModel::kRational, sizes, "--model brown");
-    refused(good, CameraModel::kBrown, {3, Eigen::Vector2i(640, 400)}, "640 x 400");
+    refused(good, {CameraModel::kRational, false, false}, sizes, "--model brown");
+    refused(good, {CameraModel::kBrown, false, true}, sizes, "not a spline one");
+    refused(good, {}, {3, Eigen::Vector2i(640, 400)}, "640 x 400");
     Prior strange = good;
     strange.names = {"x", "y", "z"};
-    refused(strange, CameraModel::kBrown, sizes, "no camera of the prior");
+    refused(strange, {}, sizes, "no camera of the prior");
+    Prior bent = good;
+    bent.lenses[1].field = make_spline_field(640, 480, 4);
+    refused(bent, {}, sizes, "'cam1' has a spline lens in the prior");
+}
+
+void a_lens_left_open_is_the_priors_and_that_of_a_camera_the_prior_does_not_have_stays_open()
+{
+    std::mt19937 random(45);
+    Scene scene = small_rig::scene();
+    Prior prior = prior_of(small_rig::calibrated(small_rig::truth(&random), &random), {}, false);
+    prior.lenses[0].model = CameraModel::kRational;
+    prior.names[2] = "another";
+    std::vector<LensChoice> open(3, LensChoice{CameraModel::kBrown, true, false});
+    TEST_ASSERT_TRUE(match_prior(scene, std::vector<Eigen::Vector2i>(3, Eigen::Vector2i(640, 480)), &open,
+                                 &prior).ok());
+    TEST_ASSERT_TRUE(open[0].model == CameraModel::kRational && !open[0].richer);
+    TEST_ASSERT_TRUE(open[1].model == CameraModel::kBrown && !open[1].richer);
+    TEST_ASSERT_TRUE(open[2].model == CameraModel::kBrown && open[2].richer);
 }
 
 }  // namespace
@@ -105,5 +126,6 @@ int main()
     RUN_TEST(lenses_and_poses_known_beforehand_leave_honest_errors);
     RUN_TEST(poses_against_a_camera_that_is_not_the_rig_frame_leave_honest_errors);
     RUN_TEST(a_prior_of_another_size_or_model_or_of_no_camera_is_refused);
+    RUN_TEST(a_lens_left_open_is_the_priors_and_that_of_a_camera_the_prior_does_not_have_stays_open);
     return UNITY_END();
 }
