@@ -8,16 +8,18 @@
 #include "host/solve/flexible_covariance.h"
 #include "host/solve/richer.h"
 #include "host/solve/surface.h"
+#include "host/solve/uncertainty.h"
 
 namespace rig {
 namespace {
 
 // Fits everything in `state` to all views.
-RefineResult fit_all(const Scene& scene, const Solution& solution, int threads, std::vector<View>* views,
-                     RigState* state)
+RefineResult fit_all(const Scene& scene, const Solution& solution, const SolveOptions& how,
+                     std::vector<View>* views, RigState* state)
 {
     FlexibleOptions options;
     options.gauge_cameras = solution.gauge_cameras;
+    options.prior = how.prior;
     const auto solve = [&](std::vector<View>* own, RigState* moved) {
         const bool usable = flexible_bundle(*own, views_in_use(*own), scene.boards, scene.cameras,
                                             options, moved)
@@ -25,7 +27,7 @@ RefineResult fit_all(const Scene& scene, const Solution& solution, int threads, 
         lift_points(*moved, scene.boards, own);
         return usable;
     };
-    return settle(solve, threads, views, state);
+    return settle(solve, how.threads, views, state);
 }
 
 // What a field wants to be told: as many views as a choice of models asks for, in half of its cells a
@@ -98,6 +100,7 @@ Status enrich(const Scene& scene, const SolveOptions& options, const Progress& p
     }
     choice.surfaces = !options.flat;
     choice.gauge_cameras = solution->gauge_cameras;
+    choice.prior = options.prior;
     if (!choice.surfaces && std::count(choice.lenses.begin(), choice.lenses.end(), 1) == 0) {
         return Status();
     }
@@ -112,7 +115,7 @@ Status enrich(const Scene& scene, const SolveOptions& options, const Progress& p
         return Status();
     }
     std::vector<View> views = solution->set.views;
-    const RefineResult refined = fit_all(scene, *solution, options.threads, &views, &state);
+    const RefineResult refined = fit_all(scene, *solution, options, &views, &state);
     if (!refined.converged && told.value()) {
         return Status::failure("the rig does not settle with spline lenses; record more views, or leave the "
                                "model to --model auto");
@@ -127,7 +130,7 @@ Status enrich(const Scene& scene, const SolveOptions& options, const Progress& p
     solution->noise_factor = refined.noise_factor;
     solution->spline_covariance =
         flexible_covariance(solution->set.views, scene, solution->cameras, solution->gauge_cameras,
-                            solution->state);
+                            options.prior, noise_of(*solution), solution->state);
     return Status();
 }
 

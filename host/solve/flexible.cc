@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/solve/prior.h"
 #include "host/solve/surface.h"
 #include "host/solve/velocity_elimination.h"
 
@@ -26,7 +27,7 @@ Eigen::MatrixXd smoothness(const BsplineGrid& grid, double bend)
 }
 
 // Quadratic form of smoothness and gauge: cost x' Q x for x the control points, in the system's place.
-struct Prior {
+struct Form {
     Eigen::Index at = 0;
     Eigen::MatrixXd form;
 };
@@ -65,36 +66,36 @@ Eigen::MatrixXd field_gauge(const Camera& lens, const SceneCamera& camera)
     return lens.intrinsics[0] * normal.ldlt().solve(rows);
 }
 
-std::vector<Prior> make_priors(const RigState& state, const FlexibleLayout& layout,
+std::vector<Form> make_forms(const RigState& state, const FlexibleLayout& layout,
                                const std::vector<Board>& boards,
                                const std::vector<SceneCamera>& cameras)
 {
     const double gauge = 1.0 / (kGaugeDeviation * kGaugeDeviation);
-    std::vector<Prior> priors;
+    std::vector<Form> forms;
     for (std::size_t c = 0; c < state.lenses.size(); ++c) {
         if (layout.field[c] >= 0) {
             const BsplineGrid& grid = state.lenses[c].field.grid;
             const Eigen::MatrixXd rows = field_gauge(state.lenses[c], cameras[c]);
-            Prior prior{layout.field[c], gauge * rows.transpose() * rows};
+            Form form{layout.field[c], gauge * rows.transpose() * rows};
             const Eigen::MatrixXd rough = smoothness(grid, kFieldBendPx);
             for (Eigen::Index at : {Eigen::Index(0), grid.count()}) {
-                prior.form.block(at, at, grid.count(), grid.count()) += rough;
+                form.form.block(at, at, grid.count(), grid.count()) += rough;
             }
-            priors.push_back(std::move(prior));
+            forms.push_back(std::move(form));
         }
     }
     for (std::size_t b = 0; b < state.surfaces.size(); ++b) {
         if (layout.surface[b] >= 0) {
             const Eigen::MatrixXd rows = surface_gauge(state.surfaces[b], boards[b]);
-            priors.push_back({layout.surface[b],
+            forms.push_back({layout.surface[b],
                               gauge * rows.transpose() * rows
                                   + smoothness(state.surfaces[b].grid, kSurfaceBendMm)});
         }
     }
-    return priors;
+    return forms;
 }
 
-// The control points of each prior, in the order of make_priors.
+// The control points of each form, in the order of make_forms.
 std::vector<std::vector<double>*> controls(const FlexibleLayout& layout, RigState* state)
 {
     std::vector<std::vector<double>*> out;
@@ -111,22 +112,37 @@ std::vector<std::vector<double>*> controls(const FlexibleLayout& layout, RigStat
     return out;
 }
 
-// The priors' cost; with `system` also their part in it.
-double add_priors(const std::vector<Prior>& priors, const FlexibleLayout& layout, RigState* state,
+// The forms' cost; with `system` also their part in it.
+double add_forms(const std::vector<Form>& forms, const FlexibleLayout& layout, RigState* state,
                   FlexibleSystem* system)
 {
     double cost = 0.0;
     const auto of = controls(layout, state);
-    for (std::size_t i = 0; i < priors.size(); ++i) {
+    for (std::size_t i = 0; i < forms.size(); ++i) {
         const Eigen::Map<const Eigen::VectorXd> x(of[i]->data(), static_cast<Eigen::Index>(of[i]->size()));
-        const Eigen::VectorXd slope = priors[i].form * x;
+        const Eigen::VectorXd slope = forms[i].form * x;
         cost += x.dot(slope);
         if (system != nullptr) {
-            system->gradient.segment(priors[i].at, x.size()) += slope;
-            system->normal.block(priors[i].at, priors[i].at, x.size(), x.size()) += priors[i].form;
+            system->gradient.segment(forms[i].at, x.size()) += slope;
+            system->normal.block(forms[i].at, forms[i].at, x.size(), x.size()) += forms[i].form;
         }
     }
     return cost;
+}
+
+// The same of what is known beforehand.
+double add_known(const PriorTerm& known, const RigState& state, FlexibleSystem* system)
+{
+    if (system == nullptr) {
+        return known.at(state, 0, nullptr).squaredNorm();
+    }
+    Eigen::MatrixXd slope;
+    const Eigen::VectorXd residual = known.at(state, system->gradient.size(), &slope);
+    if (residual.size() > 0) {
+        system->gradient += slope.transpose() * residual;
+        system->normal += slope.transpose() * slope;
+    }
+    return residual.squaredNorm();
 }
 
 struct Step {
@@ -266,7 +282,12 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
 {
     const FlexibleLayout layout =
         make_layout(*state, views, use, options.gauge_cameras, options.poses_only);
-    const std::vector<Prior> priors = make_priors(*state, layout, boards, cameras);
+    const std::vector<Form> forms = make_forms(*state, layout, boards, cameras);
+    const PriorTerm known(options.prior, layout.lens, layout.camera);
+    // Of all that is not a point.
+    const auto add_rest = [&](RigState* at, FlexibleSystem* to) {
+        return add_forms(forms, layout, at, to) + add_known(known, *at, to);
+    };
     FlexibleResult result;
     result.unknowns = static_cast<int>(layout.size) - gauge_rows(layout);
     FlexibleSystem system;
@@ -277,8 +298,7 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
         if (!sum_points(views, use, boards, *state, layout, true, &system)) {
             return result;
         }
-        const double cost = system.squares + velocity_cost(state->shutter)
-                            + add_priors(priors, layout, state, &system);
+        const double cost = system.squares + velocity_cost(state->shutter) + add_rest(state, &system);
         const VelocityElimination velocities(state->shutter, &system);
         result.squares = system.squares;
         result.points = system.points;
@@ -298,8 +318,7 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
                 }
                 move(layout, step, &there);
                 better = sum_points(views, use, boards, there, layout, false, &tried);
-                fall = better ? cost - tried.squares - velocity_cost(there.shutter)
-                                    - add_priors(priors, layout, &there, nullptr)
+                fall = better ? cost - tried.squares - velocity_cost(there.shutter) - add_rest(&there, nullptr)
                               : 0.0;
                 better = better && fall >= 0.0;
             }
@@ -336,7 +355,8 @@ std::vector<char> views_in_use(const std::vector<View>& views)
 FlexibleInformation flexible_information(const std::vector<View>& views,
                                          const std::vector<Board>& boards,
                                          const std::vector<SceneCamera>& cameras,
-                                         const std::vector<int>& gauge_cameras, const RigState& state)
+                                         const std::vector<int>& gauge_cameras, const Prior* prior,
+                                         double noise, const RigState& state)
 {
     const std::vector<char> use = views_in_use(views);
     FlexibleInformation out;
@@ -345,7 +365,11 @@ FlexibleInformation flexible_information(const std::vector<View>& views,
     out.layout = make_layout(copy, views, use, gauge_cameras, false);
     FlexibleSystem system;
     if (sum_points(views, use, boards, copy, out.layout, true, &system)) {
-        add_priors(make_priors(copy, out.layout, boards, cameras), out.layout, &copy, &system);
+        add_forms(make_forms(copy, out.layout, boards, cameras), out.layout, &copy, &system);
+        Eigen::MatrixXd slope;
+        if (PriorTerm(prior, out.layout.lens, out.layout.camera).at(copy, out.layout.size, &slope).size() > 0) {
+            system.normal += noise * noise * slope.transpose() * slope;
+        }
         const VelocityElimination velocities(state.shutter, &system);
         Reduced reduced = eliminate_poses(system, 0.0);
         if (reduced.good) {

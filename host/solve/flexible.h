@@ -1,7 +1,7 @@
 // One least-squares solve over views for rigs with fields and surfaces (solve/flexible_system.h):
 // lenses or their fields, camera poses, surfaces and board poses together, by Levenberg and Marquardt.
 //
-// Two kinds of rows are added to the points'. Smoothness: curvature has mean 0 and the deviation below,
+// Kinds of rows that are added to the points'. Prior: what an earlier result says (prior.h). Smoothness: curvature has mean 0 and the deviation below,
 // as large as it gets in earnest, so that a handful of points outweighs it and it acts only where there
 // are none. Gauge: what a field or surface shares with a pose is held at zero: the rotation that fits a
 // field best over the image, a surface's piston and tilt over its board's points.
@@ -13,6 +13,8 @@
 
 namespace rig {
 
+struct Prior;
+
 // Second derivative times the longer side squared: that of 2 px with a wavelength of half the image
 // (4 pi)^2 2 px, and of a dent of 1 mm whose sigma is a tenth of the board. A second difference of
 // control points deviates by this over the number of cells squared.
@@ -21,6 +23,7 @@ constexpr double kSurfaceBendMm = 100.0;
 
 struct FlexibleOptions {
     std::vector<int> gauge_cameras{0};
+    const Prior* prior = nullptr;  // borrowed; null: none
     bool poses_only = false;  // lenses, cameras and surfaces are held
     int iterations_max = 30;  // 0: only first_gain is wanted
     double tolerance = 1e-9;  // relative fall of the cost that ends the solve
@@ -44,8 +47,10 @@ FlexibleResult flexible_bundle(const std::vector<View>& views, const std::vector
 // The views with a point in use.
 std::vector<char> views_in_use(const std::vector<View>& views);
 
-// Information of all columns at a solution, smoothness and gauge included, body poses eliminated; lower
-// triangle. Empty matrix when a point has no image or a pose is not determined.
+// Information of all columns at a solution, for points of unit noise, smoothness and gauge included, body
+// poses eliminated; lower triangle. The prior's is `noise` squared times what it is, so that dividing all by
+// noise squared leaves the points' share as that noise makes it and the prior's as it is. Empty matrix when
+// a point has no image or a pose is not determined.
 struct FlexibleInformation {
     FlexibleLayout layout;
     Eigen::MatrixXd matrix;
@@ -53,6 +58,7 @@ struct FlexibleInformation {
 FlexibleInformation flexible_information(const std::vector<View>& views,
                                          const std::vector<Board>& boards,
                                          const std::vector<SceneCamera>& cameras,
-                                         const std::vector<int>& gauge_cameras, const RigState& state);
+                                         const std::vector<int>& gauge_cameras, const Prior* prior,
+                                         double noise, const RigState& state);
 
 }  // namespace rig

@@ -102,10 +102,11 @@ Eigen::MatrixXd rows_wanted(const std::vector<View>& views, const FlexibleLayout
 
 Eigen::MatrixXd flexible_covariance(const std::vector<View>& views, const Scene& scene,
                                     const std::vector<int>& cameras,
-                                    const std::vector<int>& gauge_cameras, const RigState& state)
+                                    const std::vector<int>& gauge_cameras, const Prior* prior,
+                                    double noise, const RigState& state)
 {
     const FlexibleInformation information =
-        flexible_information(views, scene.boards, scene.cameras, gauge_cameras, state);
+        flexible_information(views, scene.boards, scene.cameras, gauge_cameras, prior, noise, state);
     if (information.matrix.size() == 0) {
         return {};
     }

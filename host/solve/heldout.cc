@@ -105,6 +105,7 @@ public:
         : scene_(scene), halves_(halves)
     {
         fit_.gauge_cameras = options.gauge_cameras;
+        fit_.prior = options.prior;
         fit_.iterations_max = 12;
         fit_.tolerance = 1e-7;
     }

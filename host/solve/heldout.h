@@ -30,10 +30,13 @@
 
 namespace rig {
 
+struct Prior;
+
 struct ChoiceOptions {
     std::vector<char> lenses;  // by scene camera: a richer one may be tried
     bool surfaces = true;      // boards may bend
     std::vector<int> gauge_cameras{0};
+    const Prior* prior = nullptr;  // known to both halves; borrowed; null: none
 };
 
 // One comparison that was made.

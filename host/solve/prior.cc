@@ -246,47 +246,68 @@ double prior_squares(const Prior& prior, const RigState& state, const std::vecto
     return residuals.squaredNorm();
 }
 
+PriorTerm::PriorTerm(const Prior* prior, const std::vector<Eigen::Index>& lens,
+                     const std::vector<Eigen::Index>& pose)
+{
+    if (prior == nullptr) {
+        return;
+    }
+    std::vector<bool> takes_part;
+    for (const Eigen::Index at : lens) {
+        takes_part.push_back(at >= 0);
+    }
+    const Known known = known_cameras(*prior, takes_part);
+    if (known.scene.empty()) {
+        return;
+    }
+    cost_ = prior_cost(*prior, known);
+    cameras_ = known.scene;
+    for (std::size_t i = 0; i < cost_->parameter_block_sizes().size(); ++i) {
+        const std::size_t camera = cameras_[i % cameras_.size()];
+        columns_.push_back(i < cameras_.size() ? lens[camera] : pose[camera]);
+    }
+}
+
+PriorTerm::~PriorTerm() = default;
+
+Eigen::VectorXd PriorTerm::at(const RigState& state, Eigen::Index columns, Eigen::MatrixXd* slope) const
+{
+    if (cost_ == nullptr) {
+        return {};
+    }
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    std::vector<const double*> parameters;
+    std::vector<RowMajor> slopes;
+    std::vector<double*> pointers;
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+        const std::size_t camera = cameras_[i % cameras_.size()];
+        parameters.push_back(i < cameras_.size() ? state.lenses[camera].intrinsics.data()
+                                                 : state.cam_from_rig[camera].data());
+        slopes.emplace_back(cost_->num_residuals(), cost_->parameter_block_sizes()[i]);
+    }
+    for (RowMajor& each : slopes) {
+        pointers.push_back(each.data());
+    }
+    Eigen::VectorXd residuals(cost_->num_residuals());
+    cost_->Evaluate(parameters.data(), residuals.data(), slope != nullptr ? pointers.data() : nullptr);
+    if (slope != nullptr) {
+        slope->setZero(residuals.size(), columns);
+        for (std::size_t i = 0; i < slopes.size(); ++i) {
+            if (columns_[i] >= 0) {
+                slope->middleCols(columns_[i], slopes[i].cols()) = slopes[i];
+            }
+        }
+    }
+    return residuals;
+}
+
 Eigen::MatrixXd prior_information(const Prior& prior, const RigState& state, const RigCovariance& places,
                                   Eigen::Index rows)
 {
-    std::vector<bool> takes_part;
-    for (const Eigen::Index lens : places.lens) {
-        takes_part.push_back(lens >= 0);
-    }
-    const Known known = known_cameras(prior, takes_part);
-    if (known.scene.empty()) {
-        return Eigen::MatrixXd::Zero(rows, rows);
-    }
-    const std::unique_ptr<ceres::CostFunction> cost = prior_cost(prior, known);
-    std::vector<const double*> parameters;
-    std::vector<Eigen::Index> at;
-    for (const std::size_t c : known.scene) {
-        parameters.push_back(state.lenses[c].intrinsics.data());
-        at.push_back(places.lens[c]);
-    }
-    for (std::size_t i = known.scene.size(); i < cost->parameter_block_sizes().size(); ++i) {
-        const std::size_t c = known.scene[i - known.scene.size()];
-        parameters.push_back(state.cam_from_rig[c].data());
-        at.push_back(places.pose[c]);
-    }
-    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    std::vector<RowMajor> slopes;
-    std::vector<double*> pointers;
-    for (const int width : cost->parameter_block_sizes()) {
-        slopes.emplace_back(cost->num_residuals(), width);
-    }
-    for (RowMajor& slope : slopes) {
-        pointers.push_back(slope.data());
-    }
-    Eigen::VectorXd residuals(cost->num_residuals());
-    cost->Evaluate(parameters.data(), residuals.data(), pointers.data());
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(cost->num_residuals(), rows);
-    for (std::size_t i = 0; i < slopes.size(); ++i) {
-        if (at[i] >= 0) {
-            all.middleCols(at[i], slopes[i].cols()) = slopes[i];
-        }
-    }
-    return all.transpose() * all;
+    const PriorTerm term(&prior, places.lens, places.pose);
+    Eigen::MatrixXd slope;
+    return term.at(state, rows, &slope).size() > 0 ? Eigen::MatrixXd(slope.transpose() * slope)
+                                                   : Eigen::MatrixXd::Zero(rows, rows);
 }
 
 }  // namespace rig

@@ -1,6 +1,7 @@
 // An earlier result with its covariance as a Gaussian prior on lenses and, where asked, camera poses.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "host/solve/lens_choice.h"
 
 namespace ceres {
+class CostFunction;
 class Problem;
 }
 
@@ -43,6 +45,25 @@ struct PriorBlocks {
 // that is in the scene. Nothing is added when fewer than one camera of the prior takes part.
 void add_prior(const Prior& prior, const PriorBlocks& blocks, ceres::Problem* problem);
 
+// The same residuals for a solver that makes its own equations.
+class PriorTerm {
+public:
+    // First columns of each scene camera's intrinsics and pose; -1 where it has none. Cameras without
+    // columns for their intrinsics take no part; a prior that is null has nothing to say.
+    PriorTerm(const Prior* prior, const std::vector<Eigen::Index>& lens,
+              const std::vector<Eigen::Index>& pose);
+    ~PriorTerm();
+
+    // W (x - x0) at a state; `slope` (may be null) gets its derivatives, `columns` of them, by the numbers
+    // of the state. Without a row where no camera takes part.
+    Eigen::VectorXd at(const RigState& state, Eigen::Index columns, Eigen::MatrixXd* slope) const;
+
+private:
+    std::unique_ptr<ceres::CostFunction> cost_;  // null: no camera takes part
+    std::vector<std::size_t> cameras_;           // its blocks: their lenses, then with poses their poses
+    std::vector<Eigen::Index> columns_;          // by block
+};
+
 // Its information about a state: rows as covariance.h says, but a pose's six numbers are those of the
 // state. `places` gives the rows of the result; it is zero elsewhere.
 Eigen::MatrixXd prior_information(const Prior& prior, const RigState& state, const RigCovariance& places,
@@ -62,8 +83,9 @@ Result<CameraAlone> poses_through_prior(const Scene& scene, const Prior& prior, 
 
 // A camera whose own views contradict the prior: fails with a sentence that names it, tells by how much,
 // and whose lens it has instead. by_view: cam_from_board of each view in `set`.
+// Unless boards are held `flat`, a camera contradicts only if it does so with boards that bend, too.
 Status check_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
-                   const std::vector<Camera>& lenses, const std::vector<Pose>& by_view);
+                   const std::vector<Camera>& lenses, const std::vector<Pose>& by_view, bool flat);
 
 constexpr double kPriorSigmas = 5.0;
 

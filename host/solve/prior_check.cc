@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "host/base/chi_square.h"
+#include "host/solve/enrich.h"
 #include "host/solve/prior.h"
 #include "host/solve/robust.h"
 #include "host/solve/seed.h"
@@ -39,6 +40,22 @@ Solution alone_of(std::size_t camera, const ViewSet& set, const Camera& lens,
         }
     }
     return out;
+}
+
+// The camera alone once more, with boards that bend. False where held-out instants do not ask for that.
+bool bend(const Scene& scene, std::size_t camera, Solution* alone)
+{
+    Scene own;
+    own.cameras = {scene.cameras[camera]};
+    own.boards = scene.boards;
+    const RefineResult refined = refine(BundleOptions(), &alone->set.views, &alone->state);
+    if (!refined.converged) {
+        return false;
+    }
+    alone->noise_factor = refined.noise_factor;
+    SolveOptions options;
+    options.lenses = {LensChoice{alone->state.lenses[0].model, false, false}};
+    return enrich(own, options, [](const std::string&) {}, alone).ok() && alone->choice.changed;
 }
 
 // How many sigmas a lens is from one of the prior, as the value of a unit Gaussian that is as unlikely.
@@ -107,14 +124,14 @@ Result<CameraAlone> poses_through_prior(const Scene& scene, const Prior& prior, 
 }
 
 Status check_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
-                   const std::vector<Camera>& lenses, const std::vector<Pose>& by_view)
+                   const std::vector<Camera>& lenses, const std::vector<Pose>& by_view, bool flat)
 {
     for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
         if (prior.place[c] < 0 || lenses[c].intrinsics.empty()) {
             continue;
         }
         const auto place = static_cast<std::size_t>(prior.place[c]);
-        const Solution alone = alone_of(c, set, lenses[c], by_view);
+        Solution alone = alone_of(c, set, lenses[c], by_view);
         if (alone.set.views.empty()) {
             continue;
         }
@@ -123,15 +140,20 @@ Status check_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
         const double noise = noise_factors(alone.state, 1, alone.set.views)[0];
         const double factor = known ? std::max(1.0, noise) : noise;
         const auto count = static_cast<Eigen::Index>(lenses[c].intrinsics.size());
-        const Eigen::MatrixXd covariance =
+        Eigen::MatrixXd covariance =
             factor * factor * rig_covariance(alone).matrix.topLeftCorner(count, count);
-        const double sigmas = sigmas_from(lenses[c], covariance, prior, place);
+        double sigmas = sigmas_from(lenses[c], covariance, prior, place);
+        if (sigmas > kPriorSigmas && !flat && bend(scene, c, &alone)) {
+            covariance = rig_covariance(alone, noise_of(alone)).matrix.topLeftCorner(count, count);
+            sigmas = sigmas_from(alone.state.lenses[0], covariance, prior, place);
+        }
         if (sigmas <= kPriorSigmas) {
             continue;
         }
+        const Camera& lens = alone.state.lenses[0];
         for (std::size_t other = 0; other < prior.names.size(); ++other) {
-            if (other != place && prior.lenses[other].model == lenses[c].model
-                && sigmas_from(lenses[c], covariance, prior, other) <= kPriorSigmas) {
+            if (other != place && prior.lenses[other].model == lens.model
+                && sigmas_from(lens, covariance, prior, other) <= kPriorSigmas) {
                 return Status::failure(fmt::format(
                     "camera '{}' does not have the lens that it has in the prior {}, but that of '{}': were "
                     "the names swapped?", scene.cameras[c].name, prior.source, prior.names[other]));
@@ -140,7 +162,7 @@ Status check_prior(const Scene& scene, const Prior& prior, const ViewSet& set,
         return Status::failure(fmt::format(
             "camera '{}' contradicts the prior {} by {:.0f} sigmas (fx {:.2f} here, {:.2f} there): its lens was "
             "changed, or the name is another camera's; leave the prior out to calibrate it anew",
-            scene.cameras[c].name, prior.source, std::min(sigmas, 999.0), lenses[c].intrinsics[0],
+            scene.cameras[c].name, prior.source, std::min(sigmas, 999.0), lens.intrinsics[0],
             prior.lenses[place].intrinsics[0]));
     }
     return Status();

@@ -335,7 +335,8 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return status;
     }
     if (options.prior != nullptr) {
-        status = check_prior(scene, *options.prior, solution.set, solution.state.lenses, by_view);
+        status = check_prior(scene, *options.prior, solution.set, solution.state.lenses, by_view,
+                             options.flat);
         if (status.ok() && options.prior->poses) {
             status = check_prior_poses(scene, *options.prior, solution.set);
         }
@@ -390,11 +391,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
         return Status::failure("the joint solution does not settle; record more views");
     }
     solution.noise_factor = refined.noise_factor;
-    if (options.prior == nullptr) {  // richer models are solved for without it
-        status = enrich(scene, options, progress, &solution);
-        if (!status.ok()) {
-            return status;
-        }
+    status = enrich(scene, options, progress, &solution);
+    if (!status.ok()) {
+        return status;
     }
     status = check_support(scene, options.prior, connection, alone_px, solution);
     if (!status.ok()) {

@@ -39,8 +39,8 @@ struct Solution {
     RigState state;                // indexed by scene camera
     std::vector<double> noise_factor;      // by scene camera
     ModelChoice choice;
-    // Of the rows of RigCovariance, for unit noise, with fields and surfaces free
-    // (flexible_covariance.h); empty where there are none.
+    // Of the rows of RigCovariance, over the noise factor squared, with fields and surfaces free and the
+    // prior in it (flexible_covariance.h); empty where there are none.
     Eigen::MatrixXd spline_covariance;
     std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
     RigCovariance covariance;      // of all of them together, scaled alike; by scene camera

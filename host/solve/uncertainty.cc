@@ -195,6 +195,15 @@ Eigen::MatrixXd invert(const Eigen::MatrixXd& information)
 
 }  // namespace
 
+double noise_of(const Solution& solution)
+{
+    double factor = 1.0;
+    for (const int camera : solution.cameras) {
+        factor = std::max(factor, solution.noise_factor[static_cast<std::size_t>(camera)]);
+    }
+    return factor;
+}
+
 RigCovariance rig_covariance(const Solution& solution, double noise_factor, const Prior* prior)
 {
     RigCovariance out = lay_out(solution);
@@ -256,11 +265,7 @@ Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* so
             "is tilted by 20 to 45 degrees, about different axes, at different distances",
             scene.cameras[static_cast<std::size_t>(camera)].name, how));
     };
-    double factor = 1.0;
-    for (const int camera : solution->cameras) {
-        factor = std::max(factor, solution->noise_factor[static_cast<std::size_t>(camera)]);
-    }
-    solution->covariance = rig_covariance(*solution, factor, prior);
+    solution->covariance = rig_covariance(*solution, noise_of(*solution), prior);
     const Eigen::VectorXd deviation =
         solution->covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
     solution->uncertainty.assign(scene.cameras.size(), {});

@@ -12,6 +12,9 @@ Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* so
 
 constexpr double kFocalWorstPart = 0.03;
 
+// How much larger the noise is than the sigmas say, at least 1: the noisiest camera's factor stands for all.
+double noise_of(const Solution& solution);
+
 // Covariance, board poses marginalised; rows as covariance.h says. noise_factor: how much larger the
 // noise is than the sigmas say. prior (null: none) adds its information.
 RigCovariance rig_covariance(const Solution& solution, double noise_factor = 1.0,

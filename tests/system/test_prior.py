@@ -118,5 +118,64 @@ def test_a_model_left_to_the_tool_is_the_priors_and_stays_it(tmp_path):
     assert all(board["surface"] is None for board in later["boards"])
 
 
+def bow_mm(board):
+    """A bow of 1 mm between middle and edge."""
+    low, high = board[:, :2].min(axis=0), board[:, :2].max(axis=0)
+    u, v = ((board[:, :2] - (low + high) / 2) / ((high - low) / 2)).T
+    return 1.0 - (u * u + v * v) / 2
+
+
+@pytest.fixture(scope="module")
+def bowed(tmp_path_factory):
+    """The lab's rig sees a bowed board on site: solved without the lab, with its lenses, with its poses too."""
+    folder = tmp_path_factory.mktemp("bowed")
+    board = simulate.grid_board(7, 12, 100.0, (0.0, 0.0))
+    bent = board.copy()
+    bent[:, 2] += bow_mm(board)
+    poses = simulate.make_path(14, np.random.default_rng(21), board)
+    rng = np.random.default_rng(22)
+    rows = []
+    for c, camera in enumerate(solved().cameras):
+        turn_cr, shift_cr = camera["cam_from_rig"]
+        for frame, (turn, shift) in enumerate(poses):
+            pixels = simulate.project(camera, (bent[:, :3] @ turn.T + shift) @ turn_cr.T + shift_cr)
+            inside = ((pixels > 0) & (pixels < [camera["width"] - 1, camera["height"] - 1])).all(axis=1)
+            rows += [(c, frame, int(point), *(pixels[point] + rng.normal(0, NOISE_PX, 2)), False)
+                     for point in np.flatnonzero(inside)]
+    simulate.write_folder(folder / "site", solved().cameras, board, rows, sigma=NOISE_PX)
+    return folder / "site", board, [solve(folder / "site", *options) for options in (
+        (), ("--prior", solved().path), ("--prior", solved().path, "--prior-poses"))]
+
+
+def test_a_bowed_board_is_found_bowed_with_a_prior_that_makes_everything_surer(bowed):
+    _, board, (plain, lenses, poses) = bowed
+    truth = bow_mm(board) - bow_mm(board).mean()
+    for rig in (lenses, poses):
+        # As in test_solve_models.py, from a fifth as many views of a quarter of the points at two fifths of
+        # the noise: about twice the error.
+        assert rig["boards"][0]["surface"]["rms_um"] == pytest.approx(1000 * truth.std(), abs=40)
+        assert rig["rmse_px"] == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
+    for i, known in enumerate(solved().cameras):
+        lab = solved().json["cameras"][i]["standard_deviation"]
+        std = [rig["cameras"][i]["standard_deviation"] for rig in (plain, lenses, poses)]
+        assert std[1]["fx"] < min(lab["fx"], std[0]["fx"]) and std[2]["fx"] <= 1.001 * std[1]["fx"]
+        for rig, own in zip((lenses, poses), std[1:]):
+            for key in ("fx", "fy", "cx", "cy"):
+                assert abs(rig["cameras"][i][key] - known[key]) < 4.5 * own[key]
+            if i > 0:
+                turn, shift = known["cam_from_rig"]
+                pose = rig["cameras"][i]["cam_from_rig"]
+                miss = np.array(pose["translation_mm"]) - shift
+                assert (np.abs(miss) < 4.5 * np.array(own["translation_mm"])).all()
+        if i > 0:
+            assert (np.array(std[2]["translation_mm"]) < 1.02 * np.array(std[1]["translation_mm"])).all()
+
+
+def test_held_flat_a_bowed_board_contradicts_the_prior_by_name(bowed, tmp_path):
+    result = run("solve", bowed[0], "--out", tmp_path / "out", "--flat", "--prior", solved().path, expect=1)
+    complaint = result.stderr.strip().splitlines()[-1]
+    assert "contradicts the prior" in complaint and "sigmas" in complaint and not (tmp_path / "out").exists()
+
+
 def test_prior_poses_wants_a_prior(tmp_path):
     assert run("solve", tmp_path, "--out", tmp_path / "out", "--prior-poses").returncode == 2
