@@ -57,6 +57,11 @@ def cells_with_data(scene, c):
     return count > 0
 
 
+def cells_with_rays(scene, estimate, c):
+    """Which cells of the grid have a ray in an estimate: a fold may leave corners without."""
+    return np.isfinite(estimate.rays(c, image_grid(scene.cameras[c]))).all(axis=1)
+
+
 def aligned_miss(camera, rays, pixels):
     """(n, 2) px between pixels and where the true lens puts their estimated rays, after the one rotation
     that makes it least in the mean square."""
@@ -73,19 +78,21 @@ def aligned_miss(camera, rays, pixels):
     return truth_lens.project(camera, rays @ turn.T) - pixels
 
 
-def projection_error(scene, rig, c, only_data=False):
+def projection_error(scene, rig, c, cells=None):
+    """Over all cells of the grid, or over those of a mask."""
     camera = scene.cameras[c]
     pixels = image_grid(camera)
-    if only_data:
-        pixels = pixels[cells_with_data(scene, c)]
+    if cells is not None:
+        pixels = pixels[cells]
     rays = rig.rays(c, pixels)
     if not np.isfinite(rays).all():
         return np.nan
     return float(np.sqrt((aligned_miss(camera, rays, pixels)**2).sum(axis=1).mean()))
 
 
-def projection_error_of_all(scene, rig, only_data=False):
-    return rms([projection_error(scene, rig, c, only_data) for c in range(len(scene.cameras))])
+def projection_error_of_all(scene, rig, cells=None):
+    """RMS over the cameras; `cells`: a mask of each."""
+    return rms([projection_error(scene, rig, c, cells and cells[c]) for c in range(len(scene.cameras))])
 
 
 def pose_error(scene, rig, c):

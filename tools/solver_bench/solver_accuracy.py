@@ -42,9 +42,11 @@ def arguments():
     return parser.parse_args()
 
 
-def errors_of(scene, row, estimate):
-    found = {"px": truth_score.projection_error_of_all(scene, estimate),
-             "data_px": truth_score.projection_error_of_all(scene, estimate, only_data=True)}
+def errors_of(scene, row, estimate, judged):
+    """`judged`: the cells of the grid of each camera that px is over."""
+    data = [truth_score.cells_with_data(scene, c) for c in range(len(scene.cameras))]
+    found = {"px": truth_score.projection_error_of_all(scene, estimate, judged),
+             "data_px": truth_score.projection_error_of_all(scene, estimate, data)}
     found["mm"], found["deg"] = truth_score.pose_error_of_all(scene, estimate)
     if row.triangulates:
         found["triangulation_mm"] = truth_score.triangulation_error(scene, estimate)
@@ -52,25 +54,30 @@ def errors_of(scene, row, estimate):
 
 
 def measure(row, seed, work, frames=None, more=()):
-    """Errors of ours (None where nothing was written) and of the reference; a remark."""
+    """Errors of ours (None where nothing was written) and of the reference; a remark; which part of the
+    image's cells px is not over, because the reference has no ray there."""
     scene = truth_shutter.make(row.rig, seed, frames=frames, **row.scene)
     truth_folder.write_folder(work / "scene", scene, sigma=False)
-    reference = errors_of(scene, row, truth_reference.solve(scene, "known"))
+    optimum = truth_reference.solve(scene, "known")
+    judged = [truth_score.cells_with_rays(scene, optimum, c) for c in range(len(scene.cameras))]
+    reference = errors_of(scene, row, optimum, judged)
+    left_out = 1 - float(sum(cells.mean() for cells in judged)) / len(judged)
     done = solve(work / "scene", work / "result", [*row.options, *more])
     if done.status:
-        return None, reference, f"seed {seed}: {done.complaint}"
-    ours = errors_of(scene, row, truth_score.RigFile(work / "result" / "rig.json", rig_program()))
+        return None, reference, f"seed {seed}: {done.complaint}", left_out
+    ours = errors_of(scene, row, truth_score.RigFile(work / "result" / "rig.json", rig_program()), judged)
     words = [f"{key} {ours[key]:.5f} / {reference[key]:.5f}" for key in ("px", "mm")]
-    return ours, reference, ", ".join(words)
+    return ours, reference, ", ".join(words), left_out
 
 
 def measure_row(row, options):
     """RMS over seeds of each error, ours and the reference's, and what failed."""
-    ours, reference, failed = [], [], []
+    ours, reference, failed, left_out = [], [], [], []
     for seed in range(options.first_seed, options.first_seed + options.seeds):
-        one, other, remark = measure(row, seed, options.work, options.frames, options.option)
+        one, other, remark, without = measure(row, seed, options.work, options.frames, options.option)
         say(f"    seed {seed}: {remark}")
         reference.append(other)
+        left_out.append(without)
         if one is None:
             failed.append(remark)
         else:
@@ -78,13 +85,13 @@ def measure_row(row, options):
     present = [key for key in ERRORS if key in reference[0]]
     return {"ours": {k: truth_score.rms([e[k] for e in ours]) if ours else float("nan") for k in present},
             "reference": {k: truth_score.rms([e[k] for e in reference]) for k in present},
-            "failed": failed, "seeds": options.seeds}
+            "failed": failed, "seeds": options.seeds, "left_out": sum(left_out) / len(left_out)}
 
 
 def kept_path(row, options):
     """Where a row's result is kept: another program, seed or scene is another file."""
     program = hashlib.sha1(rig_program().read_bytes()).hexdigest()
-    what = [program, ERRORS, row.name, row.scene, row.options, options.option, options.frames, options.seeds,
+    what = [program, ERRORS, "judged where the reference has rays", row.name, row.scene, row.options, options.option, options.frames, options.seeds,
             options.first_seed]
     return options.work / "rows" / (hashlib.sha1(json.dumps(what).encode()).hexdigest() + ".json")
 
@@ -140,7 +147,10 @@ def table(results):
 def report(results):
     failed = [f"- {row.name}: {remark}" for row, result in results for remark in result["failed"]]
     good = sum(passes(row, result) for row, result in results)
+    left_out = [f"- {row.name}: px is without {100 * result['left_out']:.2g} % of the image, where the reference "
+                "has no ray" for row, result in results if result["left_out"] > 0]
     return [*table(results), "", f"{good} of {len(results)} rows as required.",
+            *(["", *left_out] if left_out else []),
             *(["", "Refused:", "", *failed] if failed else [])]
 
 
@@ -154,7 +164,8 @@ measures on others.
 - *reference*: the joint maximum-likelihood solution (`tests/truth/truth_reference.py`): started at the truth,
   outliers left out by their labels, the board's true surface known and, in the last row of a rig, the lens's
   field too. The same draws, so that a ratio says more than its two figures.
-- *px*: RMS error of projection over a grid in the image, after the best single rotation of the rays. *px, data*:
+- *px*: RMS error of projection over a grid in the image, after the best single rotation of the rays, over the
+  cells where the reference has a ray (its lens may fold in a corner without data; said below). *px, data*:
   the same over those cells of the grid that hold observations; a rational lens's coefficients stand in for
   one another, and in corners without data it says little. The lens that no model fits is judged there.
 - *mm*, *deg*: error of the other cameras' places and directions in the first camera's frame.
