@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "host/base/chi_square.h"
 #include "host/report/compare_rows.h"
@@ -117,7 +118,7 @@ Difference difference_of(const RigFile& a, const RigFile& b, const SharedCamera&
 }
 
 void compare_volume(const RigFile& a, const RigFile& b, const std::vector<SharedCamera>& cameras,
-                    const ImpliedMotion& motion, Comparison* out)
+                    const ImpliedMotion& motion, PartComparison* out)
 {
     const bool tested = a.covariance && b.covariance;
     double squares = 0.0;
@@ -202,30 +203,33 @@ Status match(const RigFile& a, const RigFile& b, const CompareOptions& options,
     return Status();
 }
 
-}  // namespace
-
-Result<Comparison> compare_rigs(const RigFile& a, const RigFile& b, const CompareOptions& options)
+// The shared cameras by the parts that they are in.
+std::vector<std::vector<SharedCamera>> group(const RigFile& a, const RigFile& b,
+                                             const std::vector<SharedCamera>& shared)
 {
-    for (const auto& [rig, name] : {std::pair(&a, options.name_a), {&b, options.name_b}}) {
-        if (in_parts(*rig)) {
-            return Status::failure(name + " consists of parts that nothing connects; only whole rigs can be "
-                                          "compared");
-        }
+    std::vector<std::vector<SharedCamera>> out;
+    std::map<std::pair<int, int>, std::size_t> place;
+    for (const SharedCamera& camera : shared) {
+        const std::pair parts(a.cameras[camera.in_a].part, b.cameras[camera.in_b].part);
+        const std::size_t at = place.emplace(parts, out.size()).first->second;
+        out.resize(std::max(out.size(), at + 1));
+        out[at].push_back(camera);
     }
-    Comparison out;
-    std::vector<SharedCamera> shared;
-    const Status status = match(a, b, options, &shared, &out);
-    if (!status.ok()) {
-        return status;
-    }
+    return out;
+}
+
+// `chance`: below which a difference is one.
+PartComparison compare_part(const RigFile& a, const RigFile& b, const std::vector<SharedCamera>& shared,
+                            double chance)
+{
     const auto own_start = [&](const SharedCamera& camera) {
         return inverse(b.cameras[camera.in_b].cam_from_rig) * a.cameras[camera.in_a].cam_from_rig;
     };
+    PartComparison out;
+    out.part_a = a.cameras[shared.front().in_a].part;
+    out.part_b = b.cameras[shared.front().in_b].part;
     const ImpliedMotion motion = fit_motion(a, b, shared, own_start(shared.front()));
     out.b_from_a = motion.b_from_a;
-    out.tested = a.covariance && b.covariance;
-    out.differs = !out.only_a.empty() || !out.only_b.empty();
-    const double chance = kCompareChance / (2.0 * static_cast<double>(shared.size()));
     for (const SharedCamera& camera : shared) {
         CameraComparison own;
         own.name = a.cameras[camera.in_a].name;
@@ -239,10 +243,33 @@ Result<Comparison> compare_rigs(const RigFile& a, const RigFile& b, const Compar
         own.shift_mm = (motion.b_from_a * centre - now).norm();
         own.turn_deg = kDegreesPerRadian
                        * rotation_distance(motion.b_from_a.rotation, alone.b_from_a.rotation);
-        out.differs = out.differs || own.rig.differs || own.lens.differs;
         out.cameras.push_back(own);
     }
-    compare_volume(a, b, shared, motion, &out);
+    if (out.part_a == 0) {
+        compare_volume(a, b, shared, motion, &out);
+    }
+    return out;
+}
+
+}  // namespace
+
+Result<Comparison> compare_rigs(const RigFile& a, const RigFile& b, const CompareOptions& options)
+{
+    Comparison out;
+    std::vector<SharedCamera> shared;
+    const Status status = match(a, b, options, &shared, &out);
+    if (!status.ok()) {
+        return status;
+    }
+    out.tested = a.covariance && b.covariance;
+    out.differs = !out.only_a.empty() || !out.only_b.empty();
+    const double chance = kCompareChance / (2.0 * static_cast<double>(shared.size()));
+    for (const std::vector<SharedCamera>& cameras : group(a, b, shared)) {
+        out.parts.push_back(compare_part(a, b, cameras, chance));
+        for (const CameraComparison& camera : out.parts.back().cameras) {
+            out.differs = out.differs || camera.rig.differs || camera.lens.differs;
+        }
+    }
     return out;
 }
 

@@ -7,6 +7,9 @@
 // does not move the others. What is left is the difference of the rig; after a motion for each camera of
 // its own what is left is that of its lens alone.
 //
+// Parts that nothing connects have a rig frame each: cameras that are in one part of A and in one of B are
+// compared among themselves, after a motion of their own. How parts stand to each other is in neither.
+//
 // Test: the differences y of a camera have, where both calibrations saw the same rig, the covariance V
 // that both files' covariances give, the fitted motion accounted for. y' (V + e)^-1 y is then a weighted
 // sum of squares of unit Gaussians, e being a hundredth of the mean deviation squared: finer differences
@@ -35,15 +38,22 @@ struct CameraComparison {
     double turn_deg = 0.0;  // of the camera, what the lens makes up for taken out
 };
 
-struct Comparison {
-    std::vector<CameraComparison> cameras;  // in both, in A's order
-    std::vector<std::string> only_a;
-    std::vector<std::string> only_b;
+// Cameras that one rig frame joins in both.
+struct PartComparison {
+    int part_a = 0;
+    int part_b = 0;
+    std::vector<CameraComparison> cameras;  // in A's order
     Pose b_from_a;                // the implied motion of rig frames
     double rms_mm = 0.0;          // of points in A's volume, triangulated with B from A's pixels
     double most_mm = 0.0;
     double allowed_mm = 0.0;
-    std::size_t places = 0;       // how many points
+    std::size_t places = 0;       // how many points; A tells the volume of its part 0 only
+};
+
+struct Comparison {
+    std::vector<PartComparison> parts;  // by A's cameras; one for whole rigs
+    std::vector<std::string> only_a;
+    std::vector<std::string> only_b;
     bool tested = false;          // both files hold a covariance
     bool differs = false;         // some camera does, or is missing in one
 };

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <iterator>
 
 #include "host/report/export.h"
 #include "host/report/export_opencv.h"
@@ -134,7 +135,8 @@ std::vector<NamedText> colmap_files(const std::vector<Carried>& cameras)
 {
     std::string list = "# Camera list with one line of data per camera:\n"
                        "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
-    nlohmann::ordered_json rig{{"cameras", nlohmann::ordered_json::array()}};
+    nlohmann::ordered_json rigs = nlohmann::ordered_json::array();  // one a part
+    std::size_t first = 0;  // of the part
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         const RigCamera& camera = cameras[i].camera;
         const std::vector<double>& k = camera.lens.intrinsics;
@@ -150,11 +152,13 @@ std::vector<NamedText> colmap_files(const std::vector<Carried>& cameras)
         }
         list += "\n";
         nlohmann::ordered_json entry{{"image_prefix", camera.name + "/"}};
-        if (i == 0) {
+        if (i == 0 || camera.part != cameras[first].camera.part) {
+            first = i;
+            rigs.push_back({{"cameras", nlohmann::ordered_json::array()}});
             entry["ref_sensor"] = true;
         } else {
             // The reference sensor is the rig frame.
-            const Pose pose = camera.cam_from_rig * inverse(cameras[0].camera.cam_from_rig);
+            const Pose pose = camera.cam_from_rig * inverse(cameras[first].camera.cam_from_rig);
             const Eigen::Quaterniond turn = Eigen::Quaterniond(pose.rotation).normalized();
             const Eigen::Vector3d shift = kMetresPerMm * pose.translation_mm;
             entry["cam_from_rig_rotation"] = {turn.w(), turn.x(), turn.y(), turn.z()};
@@ -162,15 +166,16 @@ std::vector<NamedText> colmap_files(const std::vector<Carried>& cameras)
         }
         entry["camera_model_name"] = model;
         entry["camera_params"] = parameters;
-        rig["cameras"].push_back(entry);
+        rigs.back()["cameras"].push_back(entry);
     }
     return {{"cameras.txt", list},
-            {"rig_config.json", nlohmann::ordered_json::array({rig}).dump(2) + "\n"}};
+            {"rig_config.json", rigs.dump(2) + "\n"}};
 }
 
 std::vector<NamedText> mrcal_files(const std::vector<Carried>& cameras)
 {
     std::vector<NamedText> out;
+    const bool apart = cameras.front().camera.part != cameras.back().camera.part;
     for (const Carried& carried : cameras) {
         const RigCamera& camera = carried.camera;
         std::vector<double> intrinsics(camera.lens.intrinsics.begin(),
@@ -180,12 +185,12 @@ std::vector<NamedText> mrcal_files(const std::vector<Carried>& cameras)
         }
         const Eigen::Vector3d turn = rotation_log(camera.cam_from_rig.rotation);
         const Eigen::Vector3d shift = kMetresPerMm * camera.cam_from_rig.translation_mm;
-        out.push_back({camera.name + ".cameramodel",
-                       fmt::format("# Rig frame: the first camera's. Lengths are metres.\n"
+        out.push_back({(apart ? fmt::format("part-{}/", camera.part) : "") + camera.name + ".cameramodel",
+                       fmt::format("# Rig frame: that of the first camera{}. Lengths are metres.\n"
                                    "{{\n    'lensmodel':  'LENSMODEL_OPENCV{}',\n"
                                    "    'intrinsics': {},\n    'extrinsics': {},\n"
                                    "    'imagersize': [{}, {}],\n}}\n",
-                                   carried.count, numbers(intrinsics),
+                                   apart ? " of its part" : "", carried.count, numbers(intrinsics),
                                    numbers({turn.x(), turn.y(), turn.z(), shift.x(), shift.y(), shift.z()}),
                                    camera.width_px, camera.height_px)});
     }
@@ -219,6 +224,38 @@ Result<Carried> carry(const RigCamera& camera, const Format& format, bool approx
     return out;
 }
 
+// "0 (left, right), 1 (top)".
+std::string list_parts(const RigFile& rig)
+{
+    std::string text;
+    int last = -1;
+    for (const RigCamera& camera : rig.cameras) {
+        text += camera.part == last ? ", " + camera.name
+                                    : fmt::format("{}{} ({}", last < 0 ? "" : "), ", camera.part, camera.name);
+        last = camera.part;
+    }
+    return text + ")";
+}
+
+// The cameras to write, part by part.
+Result<std::vector<RigCamera>> choose(const RigFile& rig, const std::string& format, std::optional<int> part)
+{
+    std::vector<RigCamera> out;
+    std::copy_if(rig.cameras.begin(), rig.cameras.end(), std::back_inserter(out),
+                 [&](const RigCamera& camera) { return !part || camera.part == *part; });
+    std::stable_sort(out.begin(), out.end(),
+                     [](const RigCamera& a, const RigCamera& b) { return a.part < b.part; });
+    if (out.empty()) {
+        return Status::failure(fmt::format("the rig has no part {}; it has {}", *part, list_parts(rig)));
+    }
+    if (out.front().part != out.back().part && (format == "opencv" || format == "kalibr")) {
+        return Status::failure(fmt::format(
+            "the rig consists of parts that nothing connects, and a file of {} holds one rig: choose one with "
+            "--part, which are {}", format, list_parts(rig)));
+    }
+    return out;
+}
+
 }  // namespace
 
 std::vector<std::string> export_format_names()
@@ -230,21 +267,25 @@ std::vector<std::string> export_format_names()
     return out;
 }
 
-Result<ExportResult> export_rig(const RigFile& rig, const std::string& name, bool approximate)
+Result<ExportResult> export_rig(const RigFile& rig, const std::string& name, bool approximate,
+                                std::optional<int> part)
 {
     ExportResult out;
+    if (name == "json" && part) {
+        return Status::failure("json is the whole rig.json with all its parts: leave --part out");
+    }
     if (name == "json") {
         out.files = {{"", rig_text(rig.json)}};
         return out;
     }
-    if (in_parts(rig) && name != "ros") {
-        return Status::failure("the rig consists of parts that nothing connects, which " + name
-                               + " cannot say; export it as ros or json");
+    const Result<std::vector<RigCamera>> chosen = choose(rig, name, part);
+    if (!chosen.ok()) {
+        return chosen.status();
     }
     const Format& format = *std::find_if(formats().begin(), formats().end(),
                                          [&](const Format& each) { return each.name == name; });
     std::vector<Carried> cameras;
-    for (const RigCamera& camera : rig.cameras) {
+    for (const RigCamera& camera : chosen.value()) {
         Result<Carried> carried = carry(camera, format, approximate, &out.notes);
         if (!carried.ok()) {
             return carried.status();

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "host/base/whole_file.h"
 #include "host/report/export_formats.h"
@@ -15,18 +16,19 @@ struct ExportArguments {
     std::string format;
     std::string out;
     bool approximate = false;
+    std::optional<int> part;
 };
 
 Status write_all(const std::vector<NamedText>& files, const std::string& out)
 {
     for (const NamedText& file : files) {
         std::error_code fault;
-        if (!file.name.empty() && !std::filesystem::create_directories(out, fault) && fault) {
-            return Status::failure("cannot make folder " + out + ": " + fault.message());
+        const std::filesystem::path folder(out);
+        const std::filesystem::path path = file.name.empty() ? folder : folder / file.name;
+        if (!file.name.empty() && !std::filesystem::create_directories(path.parent_path(), fault) && fault) {
+            return Status::failure("cannot make folder " + path.parent_path().string() + ": " + fault.message());
         }
-        const std::filesystem::path path(out);
-        const Status status =
-            write_whole_file((file.name.empty() ? path : path / file.name).string(), file.bytes);
+        const Status status = write_whole_file(path.string(), file.bytes);
         if (!status.ok()) {
             return status;
         }
@@ -40,7 +42,8 @@ Status export_one(const ExportArguments& arguments)
     if (!rig.ok()) {
         return rig.status();
     }
-    const Result<ExportResult> result = export_rig(rig.value(), arguments.format, arguments.approximate);
+    const Result<ExportResult> result = export_rig(rig.value(), arguments.format, arguments.approximate,
+                                                   arguments.part);
     if (!result.ok()) {
         return result.status();
     }
@@ -72,6 +75,9 @@ void add_export(CLI::App& app)
     command->add_flag("--approximate", arguments->approximate,
                       "Put a lens that the format cannot carry into the nearest that it can, and say how far "
                       "off that is");
+    command->add_option("--part", arguments->part,
+                        "Only this part of a rig that was solved in parts; opencv and kalibr hold one")
+        ->check(CLI::NonNegativeNumber);
     command->callback([arguments] { finish(export_one(*arguments)); });
 }
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "truth"))
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "build" / "deps" / "pycolmap"))
 import simulate  # noqa: E402
 from solved import NOISE_PX, run, simulated, solved  # noqa: E402
 
@@ -63,13 +64,22 @@ def test_a_covariance_that_cannot_be_is_refused_by_key(change, words, tmp_path):
         assert word in result.stderr
 
 
-def test_parts_that_nothing_connects_have_a_frame_and_an_implied_motion_each(tmp_path):
-    cameras = solved().cameras
-    board, _, rows = simulated(cameras, 5, 24)
-    apart = [row for row in rows if (row[0] == 2) == (row[1] % 2 == 0)]
-    simulate.write_folder(tmp_path / "in", cameras, board, apart, sigma=NOISE_PX)
-    run("solve", tmp_path / "in", "--out", tmp_path / "out", "--model", "brown", "--partial", expect=0)
-    path = tmp_path / "out" / "rig.json"
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    """Two recordings of a rig whose third camera never sees the board with the others."""
+    paths = []
+    for seed in (5, 6):
+        folder = tmp_path_factory.mktemp("parts")
+        board, _, rows = simulated(solved().cameras, seed, 24)
+        apart = [row for row in rows if (row[0] == 2) == (row[1] % 2 == 0)]
+        simulate.write_folder(folder / "in", solved().cameras, board, apart, sigma=NOISE_PX)
+        run("solve", folder / "in", "--out", folder / "out", "--model", "brown", "--partial", expect=0)
+        paths.append(folder / "out" / "rig.json")
+    return paths
+
+
+def test_parts_that_nothing_connects_have_a_frame_and_an_implied_motion_each(parts):
+    path = parts[0]
     rig = json.loads(path.read_text())
     assert [camera["part"] for camera in rig["cameras"]] == [0, 0, 1]
     names, matrix = covariance_of(rig)
@@ -82,6 +92,65 @@ def test_parts_that_nothing_connects_have_a_frame_and_an_implied_motion_each(tmp
     correlation = matrix / np.outer(deviation, deviation)
     assert np.abs(correlation[np.ix_(first, second)]).max() < 1e-9
     assert run("uncertainty", path, expect=0).stdout.count("\ncam2 ") == 4
-    for form in ("kalibr", "colmap", "mrcal", "opencv"):
-        assert "parts" in run("export", path, "--format", form, "--out", tmp_path / "x", expect=1).stderr
-    assert "parts" in run("compare", path, path, expect=1).stderr
+
+
+def test_parts_are_compared_one_by_one(parts, tmp_path):
+    out = run("compare", *parts, "--check", expect=0).stdout
+    assert f"part 1 of {parts[0]}, part 1 of {parts[1]}:" in out and "are the same" in out
+    assert "How the parts stand to each other was not compared" in out
+    # A whole rig has one frame; what the other file's parts can say of it is compared in each.
+    out = run("compare", solved().path, parts[0], "--check", expect=0).stdout
+    assert f"part 0 of {solved().path}, part 1 of {parts[0]}:" in out
+
+    def move(rig):
+        rig["cameras"][1]["cam_from_rig"]["translation_mm"][1] += 3.0
+        rig["cameras"][2]["fx"] *= 1.005
+    rig = json.loads(parts[1].read_text())
+    move(rig)
+    (tmp_path / "moved.json").write_text(json.dumps(rig))
+    out = run("compare", parts[0], tmp_path / "moved.json", expect=0).stdout
+    assert "'cam1' has moved by" in out and "'cam2': its lens differs" in out
+    assert "With two cameras it cannot be told" in out
+
+
+@pytest.mark.parametrize("form", ["kalibr", "opencv"])
+def test_a_format_that_holds_one_rig_wants_a_part_chosen(parts, tmp_path, form):
+    complaint = run("export", parts[0], "--format", form, "--out", tmp_path / "x", expect=1).stderr
+    assert "--part, which are 0 (cam0, cam1), 1 (cam2)" in complaint and not (tmp_path / "x").exists()
+    run("export", parts[0], "--format", form, "--out", tmp_path / "x", "--part", 1, "--approximate", expect=0)
+    text = (tmp_path / "x").read_text()
+    assert "cam2" in text and "cam1" not in text.replace("camera", "")
+    complaint = run("export", parts[0], "--format", form, "--out", tmp_path / "y", "--part", 2, expect=1).stderr
+    assert "no part 2; it has 0 (cam0, cam1), 1 (cam2)" in complaint and not (tmp_path / "y").exists()
+
+
+def test_colmap_has_a_rig_a_part_and_mrcal_a_folder(parts, tmp_path):
+    run("export", parts[0], "--format", "colmap", "--out", tmp_path / "c", expect=0)
+    rigs = json.loads((tmp_path / "c" / "rig_config.json").read_text())
+    assert [[camera["image_prefix"] for camera in rig["cameras"]] for rig in rigs] == [["cam0/", "cam1/"], ["cam2/"]]
+    assert [[camera.get("ref_sensor", False) for camera in rig["cameras"]] for rig in rigs] == [[True, False], [True]]
+    try:
+        import pycolmap
+    except ImportError:
+        pass  # make export-peers fetches it
+    else:
+        read = pycolmap.read_rig_config(tmp_path / "c" / "rig_config.json")
+        assert [[camera.image_prefix for camera in rig.cameras] for rig in read] == [["cam0/", "cam1/"], ["cam2/"]]
+    lines = (tmp_path / "c" / "cameras.txt").read_text().splitlines()
+    assert [line.split()[0] for line in lines if not line.startswith("#")] == ["1", "2", "3"]
+    run("export", parts[0], "--format", "mrcal", "--out", tmp_path / "m", expect=0)
+    names = sorted(str(path.relative_to(tmp_path / "m")) for path in (tmp_path / "m").rglob("*.cameramodel"))
+    assert names == ["part-0/cam0.cameramodel", "part-0/cam1.cameramodel", "part-1/cam2.cameramodel"]
+    text = (tmp_path / "m" / "part-1" / "cam2.cameramodel").read_text()
+    assert "'extrinsics': [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]" in text and "first camera of its part" in text
+    run("export", parts[0], "--format", "mrcal", "--out", tmp_path / "one", "--part", 0, expect=0)
+    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == ["cam0.cameramodel", "cam1.cameramodel"]
+
+
+def test_json_and_ros_take_all_parts(parts, tmp_path):
+    run("export", parts[0], "--format", "json", "--out", tmp_path / "rig.json", expect=0)
+    assert json.loads((tmp_path / "rig.json").read_text()) == json.loads(parts[0].read_text())
+    assert "leave --part out" in run("export", parts[0], "--format", "json", "--out", tmp_path / "x.json",
+                                     "--part", 0, expect=1).stderr
+    run("export", parts[0], "--format", "ros", "--out", tmp_path / "ros", expect=0)
+    assert sorted(path.name for path in (tmp_path / "ros").iterdir()) == ["cam0.yaml", "cam1.yaml", "cam2.yaml"]

@@ -44,8 +44,8 @@ void two_calibrations_of_one_rig_differ_as_their_covariances_say()
         const Comparison found =
             compare_or_fail(a, small_rig::calibrated(other_boards(state, &random), &random));
         differ += found.differs ? 1 : 0;
-        millimetres += std::pow(found.rms_mm / found.allowed_mm, 2) / pairs;
-        for (const CameraComparison& camera : found.cameras) {
+        millimetres += std::pow(found.parts[0].rms_mm / found.parts[0].allowed_mm, 2) / pairs;
+        for (const CameraComparison& camera : found.parts[0].cameras) {
             chances.push_back(camera.rig.chance);
             chances.push_back(camera.lens.chance);
             pixels += std::pow(camera.rig.rms_px / camera.rig.allowed_px, 2) / (3.0 * pairs);
@@ -94,12 +94,12 @@ void a_camera_that_moved_is_named_with_how_far_and_no_other()
         const Comparison found = compare_or_fail(a, small_rig::calibrated(later, &random));
         TEST_ASSERT_TRUE(found.differs);
         for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
-            TEST_ASSERT_FALSE(found.cameras[c].lens.differs);
-            TEST_ASSERT_EQUAL_INT(c == moved ? 1 : 0, found.cameras[c].rig.differs ? 1 : 0);
+            TEST_ASSERT_FALSE(found.parts[0].cameras[c].lens.differs);
+            TEST_ASSERT_EQUAL_INT(c == moved ? 1 : 0, found.parts[0].cameras[c].rig.differs ? 1 : 0);
         }
         // The rig's geometry is known to some 0.1 mm and 0.005 degrees in each calibration.
-        TEST_ASSERT_TRUE(std::abs(found.cameras[moved].shift_mm - 2.0) < 0.6);
-        TEST_ASSERT_TRUE(std::abs(found.cameras[moved].turn_deg - 0.2005) < 0.05);
+        TEST_ASSERT_TRUE(std::abs(found.parts[0].cameras[moved].shift_mm - 2.0) < 0.6);
+        TEST_ASSERT_TRUE(std::abs(found.parts[0].cameras[moved].turn_deg - 0.2005) < 0.05);
         const std::string text = comparison_text(found, CompareOptions());
         const std::string sentence = "'cam" + std::to_string(moved) + "' has moved by";
         TEST_ASSERT_TRUE_MESSAGE(text.find(sentence) != std::string::npos, text.c_str());
@@ -115,8 +115,8 @@ void a_lens_that_changed_is_named_and_no_other()
     later.lenses[1].intrinsics[1] *= 1.002;
     const RigFile a = small_rig::calibrated(state, &random);
     const Comparison found = compare_or_fail(a, small_rig::calibrated(later, &random));
-    TEST_ASSERT_TRUE(found.differs && found.cameras[1].lens.differs);
-    TEST_ASSERT_FALSE(found.cameras[0].lens.differs || found.cameras[2].lens.differs);
+    TEST_ASSERT_TRUE(found.differs && found.parts[0].cameras[1].lens.differs);
+    TEST_ASSERT_FALSE(found.parts[0].cameras[0].lens.differs || found.parts[0].cameras[2].lens.differs);
     TEST_ASSERT_TRUE(comparison_text(found, CompareOptions()).find("'cam1': its lens differs")
                      != std::string::npos);
 }
@@ -131,8 +131,43 @@ void without_covariances_differences_are_told_but_not_judged()
     b.cameras[2].lens.intrinsics[2] += 1.0;
     const Comparison found = compare_or_fail(a, b);
     TEST_ASSERT_FALSE(found.tested || found.differs);
-    TEST_ASSERT_TRUE(found.cameras[2].rig.rms_px > 0.0);
+    TEST_ASSERT_TRUE(found.parts[0].cameras[2].rig.rms_px > 0.0);
     TEST_ASSERT_TRUE(comparison_text(found, CompareOptions()).find("cannot be told") != std::string::npos);
+}
+
+// The file as `solve --partial` would leave it: the second camera's frame is that of a part of its own, and
+// the third stands in it. Covariances stay as they are, so only one without is asked.
+RigFile in_two_parts(RigFile rig)
+{
+    rig.covariance.reset();
+    const Pose second = rig.cameras[1].cam_from_rig;
+    for (const std::size_t c : {std::size_t{1}, std::size_t{2}}) {
+        rig.cameras[c].part = 1;
+        rig.cameras[c].cam_from_rig = rig.cameras[c].cam_from_rig * inverse(second);
+    }
+    return rig;
+}
+
+void parts_are_compared_each_after_a_motion_of_its_own()
+{
+    std::mt19937 random(35);
+    const RigFile whole = small_rig::file_of(small_rig::truth(&random));
+    RigFile apart = in_two_parts(whole);
+    apart.cameras[2].cam_from_rig.translation_mm.y() += 3.0;
+    for (const auto& [a, b] : {std::pair(whole, apart), {apart, whole}, {apart, in_two_parts(whole)}}) {
+        const Comparison found = compare_or_fail(a, b);
+        TEST_ASSERT_EQUAL_INT(2, found.parts.size());
+        TEST_ASSERT_EQUAL_INT(1, found.parts[0].cameras.size());
+        TEST_ASSERT_EQUAL_INT(2, found.parts[1].cameras.size());
+        TEST_ASSERT_EQUAL_STRING("cam2", found.parts[1].cameras[1].name.c_str());
+        // One camera alone has no place that could be another; of two that moved by 3 mm each takes a half,
+        // in all 3 mm to within what turning makes up for: some tenths.
+        TEST_ASSERT_TRUE(found.parts[0].cameras[0].rig.rms_px < 1e-6);
+        TEST_ASSERT_TRUE(std::abs(found.parts[1].cameras[0].shift_mm + found.parts[1].cameras[1].shift_mm - 3.0)
+                         < 0.5);
+        TEST_ASSERT_TRUE(comparison_text(found, CompareOptions()).find("stand to each other was not compared")
+                         != std::string::npos);
+    }
 }
 
 }  // namespace
@@ -144,5 +179,6 @@ int main()
     RUN_TEST(a_camera_that_moved_is_named_with_how_far_and_no_other);
     RUN_TEST(a_lens_that_changed_is_named_and_no_other);
     RUN_TEST(without_covariances_differences_are_told_but_not_judged);
+    RUN_TEST(parts_are_compared_each_after_a_motion_of_its_own);
     return UNITY_END();
 }
