@@ -124,11 +124,30 @@ def cell(value, digits=3):
     return "" if value is None else f"{float(f'{value:.{digits}g}'):.7f}".rstrip("0").rstrip(".")
 
 
-def table(results):
+def kept_lines(document):
+    """Of a document written before: the cells of its table's rows, and its remarks, by row."""
+    rows, remarks = {}, {}
+    for line in document.splitlines():
+        if line.startswith("| "):
+            cells = [text.strip() for text in line.strip("|").split(" | ")]
+            rows[cells[0]] = cells
+        elif line.startswith("- ") and ": " in line:
+            name = ": ".join(line[2:].split(": ")[:2])
+            remarks.setdefault(name, []).append(line)
+    return rows, remarks
+
+
+def table(results, kept=None):
+    """Rows of results; with `kept`, cells by row, those of all scenarios that are in either."""
     head = ["scenario", "px", "reference", "ratio", "px, data", "reference", "ratio", "mm", "reference", "ratio", "deg, ratio",
             "triangulated mm", "reference", "ratio", "required", "failed", "verdict"]
     lines = [head, ["---"] + ["--:"] * (len(head) - 1)]
-    for row, result in results:
+    by_name = {row.name: (row, result) for row, result in results}
+    for name in [row.name for row in solver_rows.rows()] if kept else by_name:
+        if name not in by_name:
+            lines.extend([kept[name]] if name in kept else [])
+            continue
+        row, result = by_name[name]
         ours, other = result["ours"], result["reference"]
 
         def pair(key):
@@ -144,12 +163,20 @@ def table(results):
                               enumerate(zip(line, width))) + " |" for line in lines]
 
 
-def report(results):
+def report(results, document=""):
+    """With a `document`: rows that results do not have are those that it has."""
+    kept, remarks = kept_lines(document)
+    lines = table(results, kept)
+    names = {row.name for row, _ in results}
     failed = [f"- {row.name}: {remark}" for row, result in results for remark in result["failed"]]
-    good = sum(passes(row, result) for row, result in results)
+    failed += [line for row in solver_rows.rows() if row.name not in names
+               for line in remarks.get(row.name, []) if "seed " in line]
     left_out = [f"- {row.name}: px is without {100 * result['left_out']:.2g} % of the image, where the reference "
                 "has no ray" for row, result in results if result["left_out"] > 0]
-    return [*table(results), "", f"{good} of {len(results)} rows as required.",
+    left_out += [line for row in solver_rows.rows() if row.name not in names
+                 for line in remarks.get(row.name, []) if "px is without" in line]
+    good = sum(line.rstrip("| ").endswith(" ok") for line in lines)
+    return [*lines, "", f"{good} of {len(lines) - 2} rows as required.",
             *(["", *left_out] if left_out else []),
             *(["", "Refused:", "", *failed] if failed else [])]
 
@@ -159,7 +186,7 @@ PREFACE = f"""# How exact the solver is
 Written by `make solver-accuracy`; not to be edited. Simulated observations with known truth
 (`tests/truth/truth_scenes.py`), each row the root mean square over {SEEDS} draws of rig, lenses, poses and noise.
 No seed of this table was used to tune the solver. `make solver-accuracy SOLVER='--only ring --first-seed 1'`
-measures on others.
+measures on others. Rows that `--only` leaves out stand as they were measured last.
 
 - *reference*: the joint maximum-likelihood solution (`tests/truth/truth_reference.py`): started at the truth,
   outliers left out by their labels, the board's true surface known and, in the last row of a rig, the lens's
@@ -206,12 +233,15 @@ def main():
     shutil.rmtree(options.work / "scene", ignore_errors=True)
     print("\n".join(report(results)))
     if options.out and regular:
-        # Rows left out by --only stand as far as this program has been measured on them.
+        # Rows that this program has not been measured on stand as they were.
+        path = Path(options.out) / "solver_accuracy.md"
+        document = path.read_text() if path.exists() else ""
         results = [(row, json.loads(kept_path(row, options).read_text())) for row in solver_rows.rows()
                    if kept_path(row, options).exists()]
-        missing = [f"- {row.name}" for row in solver_rows.rows() if not kept_path(row, options).exists()]
-        lines = report(results) + (["", "Not measured:", "", *missing] if missing else [])
-        (Path(options.out) / "solver_accuracy.md").write_text(PREFACE + "\n" + "\n".join(lines) + "\n")
+        missing = [f"- {row.name}" for row in solver_rows.rows()
+                   if not kept_path(row, options).exists() and row.name not in kept_lines(document)[0]]
+        lines = report(results, document) + (["", "Not measured:", "", *missing] if missing else [])
+        path.write_text(PREFACE + "\n" + "\n".join(lines) + "\n")
     elif options.out:
         say("other seeds, frames or options than the kept table's: printed only")
     return 0
