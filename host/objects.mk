@@ -32,6 +32,7 @@ host_SRC := \
   host/solve/circle_centre.cc \
   host/solve/enrich.cc \
   host/solve/facing.cc \
+  host/solve/field_errors.cc \
   host/solve/frame_quadratic.cc \
   host/solve/flexible.cc \
   host/solve/flexible_covariance.cc \

@@ -88,6 +88,28 @@ Eigen::MatrixXd covariance_of(const RigFile& a, const RigFile& b, const Eigen::M
     return by_a * a.covariance->matrix * by_a.transpose() + by_b * b.covariance->matrix * by_b.transpose();
 }
 
+// What only a field can do, which the covariance does not have: places are alike as far as a step of its
+// grid reaches, exp(-d^2 / 2) of places d steps apart, and wholly so along one ray.
+void add_field(const RigCamera& camera, const std::vector<Eigen::Vector2d>& pixels, Eigen::MatrixXd* variance)
+{
+    std::vector<Eigen::Matrix2d> root;
+    for (std::size_t i = 0; i < pixels.size() && !camera.field_errors.empty(); ++i) {
+        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(field_covariance(camera, pixels[i]));
+        root.push_back(eigen.operatorSqrt());
+        for (std::size_t j = 0; j <= i; ++j) {
+            const double apart =
+                (pixels[i] - pixels[j]).cwiseQuotient(camera.lens.field.grid.step).squaredNorm();
+            const Eigen::Matrix2d block = std::exp(-0.5 * apart) * root[i] * root[j];
+            const auto row = static_cast<Eigen::Index>(2 * i);
+            const auto column = static_cast<Eigen::Index>(2 * j);
+            variance->block<2, 2>(row, column) += block;
+            if (i != j) {
+                variance->block<2, 2>(column, row) += block.transpose();
+            }
+        }
+    }
+}
+
 Difference difference_of(const RigFile& a, const RigFile& b, const SharedCamera& camera,
                          const ImpliedMotion& motion)
 {
@@ -100,8 +122,10 @@ Difference difference_of(const RigFile& a, const RigFile& b, const SharedCamera&
         out.most_px = std::max(out.most_px, rows.difference.segment<2>(i).norm());
     }
     if (tested && rows.difference.size() > 0) {
-        const Eigen::MatrixXd variance = covariance_of(a, b, rows.by_a + rows.by_motion * motion.follow_a,
-                                                       rows.by_b + rows.by_motion * motion.follow_b);
+        Eigen::MatrixXd variance = covariance_of(a, b, rows.by_a + rows.by_motion * motion.follow_a,
+                                                 rows.by_b + rows.by_motion * motion.follow_b);
+        add_field(a.cameras[camera.in_a], rows.pixels, &variance);
+        add_field(b.cameras[camera.in_b], rows.pixels, &variance);
         out.allowed_px = std::sqrt(variance.trace() / points);
         const Eigen::MatrixXd whitened =
             rows.weight.asDiagonal() * variance * rows.weight.asDiagonal();
@@ -111,8 +135,13 @@ Difference difference_of(const RigFile& a, const RigFile& b, const SharedCamera&
         const Eigen::VectorXd modes =
             eigen.eigenvectors().transpose() * rows.weight.cwiseProduct(rows.difference);
         const Eigen::ArrayXd own = eigen.eigenvalues().cwiseMax(0.0).array();
-        const double sum = (modes.array().square() / (own + ridge)).sum();
-        out.chance = chance_of(sum, (own / (own + ridge)).matrix());
+        if (a.cameras[camera.in_a].field_errors.empty() && b.cameras[camera.in_b].field_errors.empty()) {
+            const double sum = (modes.array().square() / (own + ridge)).sum();
+            out.chance = chance_of(sum, (own / (own + ridge)).matrix());
+        } else {
+            // How a field's places go together is known too roughly to weigh directions by.
+            out.chance = chance_of(modes.squaredNorm(), own.matrix());
+        }
     }
     return out;
 }

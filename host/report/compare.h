@@ -13,7 +13,8 @@
 // Test: the differences y of a camera have, where both calibrations saw the same rig, the covariance V
 // that both files' covariances give, the fitted motion accounted for. y' (V + e)^-1 y is then a weighted
 // sum of squares of unit Gaussians, e being a hundredth of the mean deviation squared: finer differences
-// are those of linearisation. A p-value below kCompareChance over the number of tests is a difference.
+// are those of linearisation. Of lenses with fields V has their part only roughly: there y' y is asked, a
+// weighted sum too. A p-value below kCompareChance over the number of tests is a difference.
 #pragma once
 
 #include "host/report/rig_file.h"

@@ -79,6 +79,7 @@ DifferenceRows difference_rows(const RigFile& a, const RigFile& b, const SharedC
             || !sense(b.cameras[camera.in_b], camera.fold_b, in_b, &of_b)) {
             continue;
         }
+        out.pixels.push_back(of_a.pixel);
         out.difference.segment<2>(filled) = of_b.pixel - of_a.pixel;
         out.weight.segment<2>(filled).setConstant(1.0 / (i < camera.sigma_px.size() ? camera.sigma_px[i] : 1.0));
         out.by_motion.middleRows<2>(filled) = of_b.by_point * point_by_motion(in_b);

@@ -13,6 +13,26 @@
 #include "host/report/sensitivity.h"
 
 namespace rig {
+namespace {
+
+// A covariance in px^2 with what the lens's field adds there. At distances other than the map's both are
+// approximate; a sum that is none is left out.
+Eigen::Matrix2d with_field(const RigCamera& camera, const Eigen::Vector2d& pixel, const Eigen::Matrix2d& told)
+{
+    const Eigen::Matrix2d sum =
+        told + camera.field_errors.at(pixel, camera.width_px, camera.height_px);
+    return sum(0, 0) > 0.0 && sum.determinant() > 0.0 ? sum : told;
+}
+
+}  // namespace
+
+Eigen::Matrix2d field_covariance(const RigCamera& camera, const Eigen::Vector2d& pixel)
+{
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(
+        camera.field_errors.at(pixel, camera.width_px, camera.height_px));
+    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal()
+           * eigen.eigenvectors().transpose();
+}
 
 double worst_px(const PixelError& error)
 {
@@ -39,7 +59,8 @@ std::vector<PixelError> projection_errors(const RigFile& rig, std::size_t camera
             Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(2, covariance.matrix.cols());
             add_camera_columns(Eigen::Matrix2d::Identity(), sensitivity, covariance, camera, &slope);
             slope.middleCols<6>(covariance.motion[camera]) = sensitivity.by_point * point_by_motion(at_mm);
-            error.covariance_px2 = slope * covariance.matrix * slope.transpose();
+            error.covariance_px2 =
+                with_field(own, pixel, slope * covariance.matrix * slope.transpose());
         } else {
             error.covariance_px2.setConstant(std::numeric_limits<double>::quiet_NaN());
         }
@@ -55,6 +76,7 @@ PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm,
     PointError out;
     out.at_mm = at_mm;
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Matrix3d fields = Eigen::Matrix3d::Zero();
     Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(3, covariance.matrix.cols());
     for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
         const RigCamera& own = rig.cameras[camera];
@@ -64,6 +86,9 @@ PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm,
             ++out.cameras;
             normal += sensitivity.by_point.transpose() * sensitivity.by_point;
             add_camera_columns(-sensitivity.by_point.transpose(), sensitivity, covariance, camera, &slope);
+            // What only their fields can do is as good as independent between cameras.
+            fields += sensitivity.by_point.transpose() * field_covariance(own, sensitivity.pixel)
+                      * sensitivity.by_point;
         }
     }
     if (out.cameras >= 2) {
@@ -71,6 +96,7 @@ PointError triangulation_error(const RigFile& rig, const Eigen::Vector3d& at_mm,
         slope = (inverse_normal * slope).eval();
         slope.middleCols<6>(covariance.motion.front()) -= point_by_motion(at_mm);
         out.covariance_mm2 = slope * covariance.matrix * slope.transpose()
+                             + inverse_normal * fields * inverse_normal
                              + noise_px * noise_px * inverse_normal;
     }
     return out;

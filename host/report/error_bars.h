@@ -19,6 +19,9 @@ struct PixelError {
     Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();  // nan where the pixel has no ray
 };
 
+// What a field adds beyond the covariance at a pixel (solve/field_errors.h), where it adds; px^2.
+Eigen::Matrix2d field_covariance(const RigCamera& camera, const Eigen::Vector2d& pixel);
+
 // Standard deviation in the direction in which it is largest, px.
 double worst_px(const PixelError& error);
 

@@ -60,6 +60,9 @@ ordered_json camera_json(const Scene& scene, const Solution& solution, std::size
     if (!lens.field.empty()) {
         out["base"] = camera_model_name(lens.model);
         out["spline"] = field_json(lens.field);
+        if (camera < solution.field_errors.size() && !solution.field_errors[camera].empty()) {
+            out["spline"]["variance_px2"] = field_errors_json(solution.field_errors[camera]);
+        }
     }
     out["cam_from_rig"] = pose_json(pose_exp(solution.state.cam_from_rig[camera]));
     if (solution.gauge_cameras.size() > 1) {

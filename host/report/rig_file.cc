@@ -58,6 +58,12 @@ Result<RigCamera> read_camera(const ordered_json& entry, const std::string& wher
             return field.status();
         }
         camera.lens.field = field.value();
+        const Result<FieldErrors> errors =
+            read_field_errors(entry["spline"].value("variance_px2", ordered_json()), where);
+        if (!errors.ok()) {
+            return errors.status();
+        }
+        camera.field_errors = errors.value();
     }
     camera.lens.model = *model;
     const std::vector<std::string> names = intrinsics_names(*model);

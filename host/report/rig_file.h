@@ -10,6 +10,7 @@
 #include "host/base/status.h"
 #include "host/model/camera.h"
 #include "host/solve/covariance.h"
+#include "host/solve/field_errors.h"
 
 namespace rig {
 
@@ -21,6 +22,7 @@ struct RigCamera {
     Pose cam_from_rig;
     int part = 0;  // cameras of another part have a rig frame of their own
     std::vector<double> distances_mm;  // of the points that it was calibrated from: least, median, most
+    FieldErrors field_errors = {};     // what a field adds to a pixel's variance beyond the covariance
 };
 
 struct RigFile {

@@ -52,6 +52,43 @@ ordered_json field_json(const SplineField& field)
     return out;
 }
 
+ordered_json field_errors_json(const FieldErrors& errors)
+{
+    std::vector<double> xx, xy, yy;
+    for (const Eigen::Matrix2d& px2 : errors.px2) {
+        xx.push_back(px2(0, 0));
+        xy.push_back(px2(0, 1));
+        yy.push_back(px2(1, 1));
+    }
+    return {{"columns", errors.columns}, {"rows", errors.rows}, {"xx", xx}, {"xy", xy}, {"yy", yy}};
+}
+
+Result<FieldErrors> read_field_errors(const ordered_json& entry, const std::string& where)
+{
+    FieldErrors out;
+    if (entry.is_null()) {
+        return out;
+    }
+    const auto side = [&](const char* key) {
+        const ordered_json value = entry.is_object() ? entry.value(key, ordered_json()) : ordered_json();
+        return value.is_number_integer() && value >= 2 && value <= kPointsMax ? value.get<int>() : 0;
+    };
+    out.columns = side("columns");
+    out.rows = side("rows");
+    const auto count = static_cast<std::size_t>(out.columns * out.rows);
+    std::vector<double> xx, xy, yy;
+    if (count == 0 || !append(entry.value("xx", ordered_json()), count, &xx)
+        || !append(entry.value("xy", ordered_json()), count, &xy)
+        || !append(entry.value("yy", ordered_json()), count, &yy)) {
+        return Status::failure(where + ": 'variance_px2' of 'spline' needs 'columns' and 'rows', and as many "
+                                       "numbers in 'xx', 'xy' and 'yy'");
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        out.px2.push_back((Eigen::Matrix2d() << xx[i], xy[i], xy[i], yy[i]).finished());
+    }
+    return out;
+}
+
 ordered_json surface_json(const Surface& surface, const Board& board)
 {
     if (surface.empty()) {

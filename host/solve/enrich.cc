@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "host/solve/flexible.h"
 #include "host/solve/flexible_covariance.h"
 #include "host/solve/richer.h"
 #include "host/solve/surface.h"
@@ -128,9 +129,7 @@ Status enrich(const Scene& scene, const SolveOptions& options, const Progress& p
     solution->state = std::move(state);
     solution->set.views = std::move(views);
     solution->noise_factor = refined.noise_factor;
-    solution->spline_covariance =
-        flexible_covariance(solution->set.views, scene, solution->cameras, solution->gauge_cameras,
-                            options.prior, noise_of(*solution), solution->state);
+    solution->flexible = flexible_covariance(scene, *solution, options.prior, noise_of(*solution));
     return Status();
 }
 

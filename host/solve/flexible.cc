@@ -374,6 +374,8 @@ FlexibleInformation flexible_information(const std::vector<View>& views,
         Reduced reduced = eliminate_poses(system, 0.0);
         if (reduced.good) {
             out.matrix = std::move(reduced.schur);
+            out.across = std::move(system.across);
+            out.own = std::move(system.own);
         }
     }
     return out;

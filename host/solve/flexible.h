@@ -54,6 +54,9 @@ std::vector<char> views_in_use(const std::vector<View>& views);
 struct FlexibleInformation {
     FlexibleLayout layout;
     Eigen::MatrixXd matrix;
+    // As in FlexibleSystem: what was eliminated.
+    Eigen::MatrixXd across;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> own;
 };
 FlexibleInformation flexible_information(const std::vector<View>& views,
                                          const std::vector<Board>& boards,

@@ -5,6 +5,7 @@
 
 #include "host/base/status.h"
 #include "host/solve/covariance.h"
+#include "host/solve/field_errors.h"
 #include "host/solve/heldout.h"
 #include "host/solve/intrinsics.h"
 #include "host/solve/lens_choice.h"
@@ -30,6 +31,12 @@ struct CameraUncertainty {
     Eigen::Vector3d translation_mm = Eigen::Vector3d::Zero();
 };
 
+// Over the noise factor squared.
+struct FlexibleCovariance {
+    Eigen::MatrixXd matrix;          // rows of RigCovariance, the boards' places on bodies before the motions
+    std::vector<FieldErrors> fields;  // by scene camera
+};
+
 struct Solution {
     std::vector<int> cameras;      // indices into Scene::cameras that were solved, part by part
     std::vector<int> part_of_camera;    // by scene camera
@@ -39,10 +46,10 @@ struct Solution {
     RigState state;                // indexed by scene camera
     std::vector<double> noise_factor;      // by scene camera
     ModelChoice choice;
-    // Of the rows of RigCovariance, over the noise factor squared, with fields and surfaces free and the
-    // prior in it (flexible_covariance.h); empty where there are none.
-    Eigen::MatrixXd spline_covariance;
+    // With fields and surfaces free and the prior in it (flexible_covariance.h); empty where there are none.
+    FlexibleCovariance flexible;
     std::vector<CameraUncertainty> uncertainty;  // by scene camera; empty intrinsics where not solved
+    std::vector<FieldErrors> field_errors;  // scaled alike; by scene camera, or none
     RigCovariance covariance;      // of all of them together, scaled alike; by scene camera
 };
 

@@ -73,16 +73,6 @@ Eigen::Index own_rows(const Solution& solution, const RigCovariance& places)
     return places.motion[static_cast<std::size_t>(solution.gauge_cameras.front())];
 }
 
-// Change of a pose's six numbers by a twist (w, d) in the rig frame: p becomes p + w x p + d.
-Eigen::Matrix<double, 6, 6> six_by_twist(const Vector6& six)
-{
-    Eigen::Matrix<double, 6, 6> out = Eigen::Matrix<double, 6, 6>::Identity();
-    const Eigen::Vector3d vector = six.head<3>();
-    out.topLeftCorner<3, 3>() = rotation_right_jacobian(-vector).inverse();
-    out.bottomLeftCorner<3, 3>() = -skew(six.tail<3>());
-    return out;
-}
-
 // Adds what one view says. `at` is the row of its camera's lens, `own` how many rows the camera has,
 // `member` the row of its board's place on its body, below 0 where it has none.
 void add_view(const Eigen::MatrixXd& normal, Eigen::Index lens_count, Eigen::Index at, Eigen::Index own,
@@ -193,7 +183,56 @@ Eigen::MatrixXd invert(const Eigen::MatrixXd& information)
     return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
+// The deviations of row times, from a covariance in the order of common_rows.
+void take_row_times(const Solution& solution, const Eigen::MatrixXd& covariance, RigCovariance* out)
+{
+    for (const Eigen::Index row : common_rows(solution, *out).row_time) {
+        out->row_time_s.push_back(row < 0 ? 0.0 : std::sqrt(covariance(row, row)));
+    }
+}
+
+// The covariance of parametric lenses and flat boards.
+void fill(const Solution& solution, double noise_factor, const Prior* prior, RigCovariance* out)
+{
+    Information information = gather(solution, *out, noise_factor);
+    const double share = 1.0 / (noise_factor * noise_factor);
+    information.schur *= share;
+    for (MotionPart& motion : information.motions) {
+        motion.own *= share;
+        motion.across *= share;
+    }
+    if (prior != nullptr) {
+        information.schur += prior_information(*prior, solution.state, *out, information.schur.rows());
+    }
+    const Eigen::Index own = own_rows(solution, *out);
+    const auto parts = static_cast<Eigen::Index>(information.motions.size());
+    const Eigen::MatrixXd covariance = invert(information.schur);
+    take_row_times(solution, covariance, out);
+    Eigen::MatrixXd follow(6 * parts, covariance.cols());
+    for (Eigen::Index part = 0; part < parts; ++part) {
+        const MotionPart& motion = information.motions[static_cast<std::size_t>(part)];
+        const auto factor = motion.own.ldlt();
+        follow.middleRows<6>(6 * part) = -factor.solve(motion.across.transpose());
+        out->matrix.block<6, 6>(own + 6 * part, own + 6 * part) =
+            factor.solve(Eigen::MatrixXd::Identity(6, 6));
+    }
+    const Eigen::MatrixXd across = follow * covariance;
+    out->matrix.topLeftCorner(own, own) = covariance.topLeftCorner(own, own);
+    out->matrix.bottomLeftCorner(6 * parts, own) = across.leftCols(own);
+    out->matrix.topRightCorner(own, 6 * parts) = across.leftCols(own).transpose();
+    out->matrix.bottomRightCorner(6 * parts, 6 * parts) += across * follow.transpose();
+}
+
 }  // namespace
+
+Eigen::Matrix<double, 6, 6> six_by_twist(const Vector6& six)
+{
+    Eigen::Matrix<double, 6, 6> out = Eigen::Matrix<double, 6, 6>::Identity();
+    const Eigen::Vector3d vector = six.head<3>();
+    out.topLeftCorner<3, 3>() = rotation_right_jacobian(-vector).inverse();
+    out.bottomLeftCorner<3, 3>() = -skew(six.tail<3>());
+    return out;
+}
 
 double noise_of(const Solution& solution)
 {
@@ -207,41 +246,20 @@ double noise_of(const Solution& solution)
 RigCovariance rig_covariance(const Solution& solution, double noise_factor, const Prior* prior)
 {
     RigCovariance out = lay_out(solution);
-    Information information = gather(solution, out, noise_factor);
-    const double share = 1.0 / (noise_factor * noise_factor);
-    information.schur *= share;
-    for (MotionPart& motion : information.motions) {
-        motion.own *= share;
-        motion.across *= share;
-    }
-    if (prior != nullptr) {
-        information.schur += prior_information(*prior, solution.state, out, information.schur.rows());
-    }
     const Eigen::Index own = own_rows(solution, out);
-    const auto parts = static_cast<Eigen::Index>(information.motions.size());
-    // Where fields or surfaces are unknowns too, they have been eliminated already.
-    const Eigen::MatrixXd covariance =
-        solution.spline_covariance.rows() == information.schur.rows()
-            ? Eigen::MatrixXd(noise_factor * noise_factor * solution.spline_covariance)
-            : invert(information.schur);
-    const CommonRows rows = common_rows(solution, out);
-    for (const Eigen::Index row : rows.row_time) {
-        out.row_time_s.push_back(row < 0 ? 0.0 : std::sqrt(covariance(row, row)));
-    }
-    Eigen::MatrixXd follow(6 * parts, covariance.cols());
+    const auto parts = static_cast<Eigen::Index>(solution.gauge_cameras.size());
+    const Eigen::MatrixXd& flexible = solution.flexible.matrix;
     out.matrix.setZero(own + 6 * parts, own + 6 * parts);
-    for (Eigen::Index part = 0; part < parts; ++part) {
-        const MotionPart& motion = information.motions[static_cast<std::size_t>(part)];
-        const auto factor = motion.own.ldlt();
-        follow.middleRows<6>(6 * part) = -factor.solve(motion.across.transpose());
-        out.matrix.block<6, 6>(own + 6 * part, own + 6 * part) =
-            factor.solve(Eigen::MatrixXd::Identity(6, 6));
+    if (flexible.size() > 0) {
+        std::vector<Eigen::Index> rows(static_cast<std::size_t>(own + 6 * parts));
+        for (Eigen::Index i = 0; i < own + 6 * parts; ++i) {
+            rows[static_cast<std::size_t>(i)] = i < own ? i : flexible.rows() - (own + 6 * parts) + i;
+        }
+        out.matrix = noise_factor * noise_factor * flexible(rows, rows);
+        take_row_times(solution, noise_factor * noise_factor * flexible, &out);
+    } else {
+        fill(solution, noise_factor, prior, &out);
     }
-    const Eigen::MatrixXd across = follow * covariance;
-    out.matrix.topLeftCorner(own, own) = covariance.topLeftCorner(own, own);
-    out.matrix.bottomLeftCorner(6 * parts, own) = across.leftCols(own);
-    out.matrix.topRightCorner(own, 6 * parts) = across.leftCols(own).transpose();
-    out.matrix.bottomRightCorner(6 * parts, 6 * parts) += across * follow.transpose();
     // A change d of a rotation vector turns the camera by the left Jacobian times d.
     for (const int camera : solution.cameras) {
         const auto c = static_cast<std::size_t>(camera);
@@ -266,6 +284,12 @@ Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* so
             scene.cameras[static_cast<std::size_t>(camera)].name, how));
     };
     solution->covariance = rig_covariance(*solution, noise_of(*solution), prior);
+    solution->field_errors = solution->flexible.fields;
+    for (FieldErrors& field : solution->field_errors) {
+        for (Eigen::Matrix2d& px2 : field.px2) {
+            px2 *= noise_of(*solution) * noise_of(*solution);
+        }
+    }
     const Eigen::VectorXd deviation =
         solution->covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
     solution->uncertainty.assign(scene.cameras.size(), {});

@@ -12,6 +12,9 @@ Status estimate_uncertainty(const Scene& scene, const Prior* prior, Solution* so
 
 constexpr double kFocalWorstPart = 0.03;
 
+// Change of a pose's six numbers by a twist (w, d) in the rig frame: p becomes p + w x p + d.
+Eigen::Matrix<double, 6, 6> six_by_twist(const Vector6& six);
+
 // How much larger the noise is than the sigmas say, at least 1: the noisiest camera's factor stands for all.
 double noise_of(const Solution& solution);
 

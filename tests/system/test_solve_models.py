@@ -62,12 +62,12 @@ def observe(cameras, board, poses, seed, bent=False, shifted=()):
     return rows
 
 
-def make(folder, sigma=NOISE_PX, frames=FRAMES, **kind):
+def make(folder, sigma=NOISE_PX, frames=FRAMES, seed=8, **kind):
     rng = np.random.default_rng(5)
     cameras = simulate.make_cameras(2, rng)
     board = simulate.grid_board(14, 24, 50.0, (0.0, 0.0))
     poses = simulate.make_path(frames, rng, board)
-    rows = observe(cameras, board, poses, 8, **kind)
+    rows = observe(cameras, board, poses, seed, **kind)
     simulate.write_folder(folder, cameras, board, rows, sigma)
     return cameras, board, rows
 
@@ -161,6 +161,32 @@ def test_a_field_as_told_over_an_ordinary_lens_costs_what_its_freedom_costs(tmp_
         # A shift of all pixels is a turn of the camera, which is not the lens's.
         assert np.sqrt(((miss - miss.mean(axis=0))**2).sum(axis=1).mean()) < 0.03
     assert rig["boards"][0]["surface"] is None
+    # Error bars in pixels have the field's share; that they are right with it is shown in test_error_bars.cc.
+    assert len(rig["cameras"][0]["spline"]["variance_px2"]["xx"]) == 17 * 13
+    bars = []
+    for change in (lambda camera: None, lambda camera: camera["spline"].pop("variance_px2")):
+        for camera in rig["cameras"]:
+            change(camera)
+        (tmp_path / "rig.json").write_text(json.dumps(rig))
+        table = run("uncertainty", tmp_path / "rig.json").stdout
+        bars.append(float(next(line for line in table.splitlines() if line.startswith("cam0")).split()[3]))
+    assert bars[0] > bars[1]
+    rig["cameras"][1]["spline"]["variance_px2"] = {"columns": 17, "rows": 13, "xx": [], "xy": [], "yy": []}
+    (tmp_path / "rig.json").write_text(json.dumps(rig))
+    assert "'variance_px2'" in run("uncertainty", tmp_path / "rig.json").stderr
+
+
+def test_two_recordings_through_fields_are_the_same(tmp_path):
+    for name, seed in (("one", 8), ("two", 9)):
+        make(tmp_path / name, seed=seed)
+        solve(tmp_path / name, tmp_path / f"{name}-out", "--model", "spline", "--flat")
+    out = run("compare", tmp_path / "one-out" / "rig.json", tmp_path / "two-out" / "rig.json", "--check")
+    assert out.returncode == 0 and "are the same" in out.stdout, out.stdout
+    rig = json.loads((tmp_path / "two-out" / "rig.json").read_text())
+    rig["cameras"][0]["distortion"][0] += 0.005
+    (tmp_path / "rig.json").write_text(json.dumps(rig))
+    out = run("compare", tmp_path / "one-out" / "rig.json", tmp_path / "rig.json", "--check")
+    assert out.returncode == 1 and "'cam0': its lens differs" in out.stdout, out.stdout
 
 
 def test_too_few_views_do_not_carry_a_field_that_is_told(tmp_path):

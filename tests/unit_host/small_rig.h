@@ -31,6 +31,11 @@ inline rig::Scene scene()
     }
     out.boards.emplace_back();
     out.boards.back().name = "a";
+    for (int k = 0; k < 48; ++k) {
+        rig::BoardPoint point;
+        point.at_mm = {50.0 * (k % 8), 50.0 * (k / 8), 0.0};
+        out.boards.back().points.push_back(point);
+    }
     return out;
 }
 
@@ -82,6 +87,7 @@ inline rig::ViewSet views(const rig::RigState& state)
             for (int k = 0; k < 48; ++k) {
                 rig::ViewPoint point;
                 point.at_mm = {50.0 * (k % 8), 50.0 * (k / 8), 0.0};
+                point.point = static_cast<std::uint32_t>(k);
                 point.pixel = state.lenses[camera].project(cam_from_board * point.at_mm);
                 point.sigma_px = static_cast<float>(kNoisePx);
                 point.sigma_known = true;

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "host/solve/flexible.h"
+#include "host/solve/flexible_covariance.h"
 #include "tests/unit_host/small_rig.h"
 
 using namespace rig;
@@ -38,6 +40,8 @@ struct Tally {
     }
 };
 
+enum class Where { kWholeImage, kInside };
+
 Eigen::Vector3d moved(const Vector6& motion, const Eigen::Vector3d& point)
 {
     const Eigen::Vector3d turn = motion.head<3>();
@@ -45,7 +49,8 @@ Eigen::Vector3d moved(const Vector6& motion, const Eigen::Vector3d& point)
 }
 
 // Of all cameras, over the image at two distances.
-double projection_error(const RigFile& found, const RigFile& truth, const Vector6& motion)
+double projection_error(const RigFile& found, const RigFile& truth, const Vector6& motion,
+                        Where where = Where::kWholeImage)
 {
     double sum = 0.0;
     double count = 0.0;
@@ -53,6 +58,10 @@ double projection_error(const RigFile& found, const RigFile& truth, const Vector
         for (const double distance : {800.0, 1400.0}) {
             for (const PixelError& error : projection_errors(found, c, distance, 6, 5)) {
                 const RigCamera& known = truth.cameras[c];
+                const Eigen::Vector2d from_middle = error.pixel - Eigen::Vector2d(319.5, 239.5);
+                if (where == Where::kInside && from_middle.norm() > 200.0) {
+                    continue;
+                }
                 const Eigen::Vector3d at =
                     inverse(known.cam_from_rig) * (distance * known.lens.unproject(error.pixel));
                 const RigCamera& own = found.cameras[c];
@@ -131,6 +140,57 @@ void errors_of_repeated_solves_are_as_large_as_the_error_bars_in_pixels_and_mill
     points.check("triangulation");
 }
 
+// Where there are data: what is known of a field beyond them is how smooth it is, and this one is none of those
+// that would be drawn.
+void error_bars_of_lenses_with_fields_are_honest_where_there_are_data_and_too_small_without_the_map()
+{
+    std::mt19937 random(24);
+    RigState state = small_rig::truth(&random);
+    // As many views again, so that fields have data.
+    for (int more = 0; more < 3; ++more) {
+        const RigState other = small_rig::truth(&random);
+        state.rig_from_body.insert(state.rig_from_body.end(), other.rig_from_body.begin(),
+                                   other.rig_from_body.end());
+    }
+    const Scene scene = small_rig::scene();
+    for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
+        state.lenses[c].field = make_spline_field(640, 480, 4);
+    }
+    RigFile truth = small_rig::file_of(state);
+    const ViewSet clean = small_rig::views(state);
+    Tally pixels;
+    Tally points;
+    double without = 0.0;
+    const int draws = small_rig::draws() / 2;
+    for (int draw = 0; draw < draws; ++draw) {
+        ViewSet set = clean;
+        small_rig::add_noise(&random, &set.views);
+        Solution solution;
+        solution.cameras = {0, 1, 2};
+        solution.gauge_cameras = {0};
+        solution.part_of_camera.assign(small_rig::kCameras, 0);
+        solution.noise_factor.assign(small_rig::kCameras, 1.0);
+        solution.set = set;
+        solution.state = state;
+        TEST_ASSERT_TRUE(flexible_bundle(set.views, views_in_use(set.views), scene.boards, scene.cameras,
+                                         FlexibleOptions(), &solution.state).usable);
+        solution.flexible = flexible_covariance(scene, solution, nullptr, 1.0);
+        RigFile found = small_rig::file_of(solution.state);
+        found.covariance = rig_covariance(solution);
+        const Vector6 motion = small_rig::boards_motion(solution, state);
+        without += projection_error(found, truth, motion, Where::kInside) / draws;
+        for (std::size_t c = 0; c < small_rig::kCameras; ++c) {
+            found.cameras[c].field_errors = solution.flexible.fields[c];
+        }
+        pixels.add(projection_error(found, truth, motion, Where::kInside));
+        points.add(triangulation_miss(found, truth, motion));
+    }
+    pixels.check("projection through fields");
+    std::printf("without the map of the field: %.2f; triangulation %.2f\n", without, points.sum / draws);
+    // Beyond what 1 would scatter by, as above.
+    TEST_ASSERT_TRUE(without > 1.26);
+}
+
 void noise_of_later_observations_adds_to_what_is_triangulated()
 {
     std::mt19937 random(22);
@@ -164,6 +224,7 @@ int main()
 {
     UNITY_BEGIN();
     RUN_TEST(errors_of_repeated_solves_are_as_large_as_the_error_bars_in_pixels_and_millimetres);
+    RUN_TEST(error_bars_of_lenses_with_fields_are_honest_where_there_are_data_and_too_small_without_the_map);
     RUN_TEST(noise_of_later_observations_adds_to_what_is_triangulated);
     RUN_TEST(a_point_behind_or_outside_is_seen_by_no_camera);
     return UNITY_END();

@@ -2,6 +2,7 @@
 // TESSERA_DRAWS: how many; 60 where not given.
 #include "host/solve/prior.h"
 
+#include "host/solve/flexible.h"
 #include "host/solve/flexible_covariance.h"
 #include "host/solve/surface.h"
 #include "tests/unit_host/small_rig.h"
@@ -76,18 +77,6 @@ void poses_against_a_camera_that_is_not_the_rig_frame_leave_honest_errors()
     check_honest({1, 2}, true, 43, "lenses and poses of two");
 }
 
-// The board of small_rig, its points 50 mm apart.
-Scene scene_with_points()
-{
-    Scene out = small_rig::scene();
-    for (int k = 0; k < 48; ++k) {
-        BoardPoint point;
-        point.at_mm = {50.0 * (k % 8), 50.0 * (k / 8), 0.0};
-        out.boards[0].points.push_back(point);
-    }
-    return out;
-}
-
 // A bow of 1 mm about the board's middle less its mean, which is the board's place: of u, places -1 to 1 in
 // steps of 2 / 7, the mean square is 3 / 7; of v, in steps of 2 / 5, 7 / 15.
 double bow_mm(const Eigen::Vector3d& at)
@@ -104,8 +93,6 @@ ViewSet bowed_views(const RigState& state)
     for (View& view : set.views) {
         const auto c = static_cast<std::size_t>(view.camera);
         for (ViewPoint& point : view.points) {
-            point.point =
-                static_cast<std::uint32_t>(std::lround(point.at_mm.x() / 50.0 + 8.0 * point.at_mm.y() / 50.0));
             const Eigen::Vector3d at(point.at_mm.x(), point.at_mm.y(), bow_mm(point.at_mm));
             point.pixel = state.lenses[c].project(cam_from_board(state, view) * at);
         }
@@ -124,8 +111,7 @@ Solution solve_bent(const Scene& scene, const ViewSet& set, const RigState& star
     TEST_ASSERT_TRUE(flexible_bundle(out.set.views, views_in_use(out.set.views), scene.boards, scene.cameras,
                                      options, &out.state).usable);
     lift_points(out.state, scene.boards, &out.set.views);
-    out.spline_covariance = flexible_covariance(out.set.views, scene, out.cameras, out.gauge_cameras, prior,
-                                                1.0, out.state);
+    out.flexible = flexible_covariance(scene, out, prior, 1.0);
     out.covariance = rig_covariance(out, 1.0, prior);
     return out;
 }
@@ -133,7 +119,7 @@ Solution solve_bent(const Scene& scene, const ViewSet& set, const RigState& star
 void a_bent_board_solved_with_a_prior_leaves_honest_errors_that_are_smaller_than_without()
 {
     constexpr std::size_t kBentPoses = 6;
-    const Scene scene = scene_with_points();
+    const Scene scene = small_rig::scene();
     std::mt19937 random(46);
     const RigState state = small_rig::truth(&random);
     const RigState site = small_rig::shortened(small_rig::truth(&random), kBentPoses);
@@ -148,11 +134,9 @@ void a_bent_board_solved_with_a_prior_leaves_honest_errors_that_are_smaller_than
         ViewSet set = clean;
         small_rig::add_noise(&random, &set.views);
         const Solution found = solve_bent(scene, set, site, &prior);
-        // Lenses and poses of cameras; the boards' motion is known to first order in the surface only.
-        const Eigen::Index own = found.covariance.matrix.rows() - 6;
-        all.add(small_rig::errors_of(found, site).head(own), found.covariance.matrix.topLeftCorner(own, own));
-        with += found.spline_covariance.trace();
-        without += solve_bent(scene, set, site, nullptr).spline_covariance.trace();
+        all.add(small_rig::errors_of(found, site), found.covariance.matrix);
+        with += found.flexible.matrix.trace();
+        without += solve_bent(scene, set, site, nullptr).flexible.matrix.trace();
         for (const BoardPoint& point : scene.boards[0].points) {
             const Surface& surface = found.state.surfaces[0];
             const double z =
