@@ -41,6 +41,7 @@ host_SRC := \
   host/solve/heldout.cc \
   host/solve/hand_eye.cc \
   host/solve/intrinsics.cc \
+  host/solve/plane_pose.cc \
   host/solve/pose_graph.cc \
   host/solve/robust.cc \
   host/solve/lens_change.cc \

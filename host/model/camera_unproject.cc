@@ -1,5 +1,6 @@
 // The fold of a lens and the way back from a pixel to its ray, by bounded iteration.
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -12,6 +13,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRadiusMax = 100.0;  // r/z of a ray 0.57 degrees from the image plane
 constexpr int kSteps = 100;
+constexpr double kExactPx = 1e-10;  // rounding of a pixel's coordinates, which no step makes smaller
 
 // Slope of the radial part along its radius, up to a positive factor.
 double radial_slope(const Camera& camera, double radius)
@@ -89,6 +91,9 @@ bool newton_step(const Camera& camera, const Eigen::Vector2d& at, const Eigen::V
 double Camera::fold_radius() const
 {
     const double end = model == CameraModel::kFisheye ? kPi : kRadiusMax;
+    if (std::all_of(intrinsics.begin() + kPinholeCount, intrinsics.end(), [](double k) { return k == 0.0; })) {
+        return end;
+    }
     double low = 0.0;
     // Steps grow with the radius: 0.5 % finds every fold that is wider than that.
     for (double radius = 0.01; low < end; radius = std::min(radius * 1.005, end)) {
@@ -142,7 +147,7 @@ Eigen::Vector3d Camera::unproject(const Eigen::Vector2d& seen, double fold) cons
     if (!miss(*this, at, fold, pixel, &error)) {
         return {kNan, kNan, kNan};
     }
-    for (int i = 0; i < kSteps && error.norm() > 0.0; ++i) {
+    for (int i = 0; i < kSteps && error.norm() > kExactPx; ++i) {
         Eigen::Vector2d step;
         if (!newton_step(*this, at, error, &step)) {
             break;

@@ -38,9 +38,10 @@ void add_poses(const Camera& lens, const std::vector<const View*>& views,
                const std::vector<std::size_t>& indices, std::vector<View>* own, RigState* state,
                CameraAlone* alone)
 {
+    const double fold = lens.fold_radius();
     for (std::size_t i = 0; i < views.size(); ++i) {
         View thin = thinned(*views[i], kApproachPoints);
-        const std::optional<Pose> pose = seed_pose(lens, thin);
+        const std::optional<Pose> pose = seed_pose(lens, fold, thin);
         if (!pose) {
             alone->points_without_pose += views[i]->points.size();
             continue;

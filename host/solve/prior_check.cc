@@ -90,11 +90,13 @@ Result<CameraAlone> poses_through_prior(const Scene& scene, const Prior& prior, 
 {
     CameraAlone out;
     out.lens = prior.lenses[static_cast<std::size_t>(prior.place[camera])];
+    const double fold = out.lens.fold_radius();
     for (std::size_t i = 0; i < set.views.size(); ++i) {
         if (static_cast<std::size_t>(set.views[i].camera) != camera) {
             continue;
         }
-        if (const std::optional<Pose> pose = seed_pose(out.lens, thinned(set.views[i], kApproachPoints))) {
+        const View thin = thinned(set.views[i], kApproachPoints);
+        if (const std::optional<Pose> pose = seed_pose(out.lens, fold, thin)) {
             out.views.push_back(i);
             out.cam_from_board.push_back(*pose);
         } else {

@@ -64,8 +64,8 @@ std::vector<Pair> pairs_of(const Prior& prior, const ViewSet& set)
     for (const View& view : set.views) {
         const int place = prior.place[static_cast<std::size_t>(view.camera)];
         if (place >= 0) {
-            const auto pose = seed_pose(prior.lenses[static_cast<std::size_t>(place)],
-                                        thinned(view, kApproachPoints));
+            const Camera& lens = prior.lenses[static_cast<std::size_t>(place)];
+            const auto pose = seed_pose(lens, lens.fold_radius(), thinned(view, kApproachPoints));
             if (pose) {
                 places[{view.board, view.frame}].emplace_back(view.camera, *pose);
             }

@@ -1,5 +1,6 @@
-// Starting values by OpenCV, the only solver file that sees it. Pixels become rays first, so one
-// path serves every lens: poses are found in the plane z = 1 with a camera matrix of one.
+// Starting values by homographies and, for boards whose points do not lie in a plane, by OpenCV: the only
+// solver file that sees it. Pixels become rays first, so one path serves every lens: poses are found in the
+// plane z = 1 with a camera matrix of one.
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <opencv2/core.hpp>
 
 #include "host/base/median.h"
+#include "host/solve/plane_pose.h"
 #include "host/solve/seed.h"
 
 namespace rig {
@@ -21,54 +23,56 @@ constexpr double kRansacConfidence = 0.999;
 constexpr std::size_t kScanViews = 16;
 constexpr std::size_t kScanPoints = 80;
 
-// A view's points in the plane z = 1, and in their own plane when they have one.
+// A view's points in the plane z = 1 and on the board.
 struct Rays {
-    std::vector<cv::Point3d> board;  // planar: z = 0 after plane_from_board
-    std::vector<cv::Point2d> image;
+    std::vector<Eigen::Vector3d> board;  // mm; laid flat where planar: then z = 0
+    PlanePoints points;                  // the image of each; its place on the plane where planar
     bool planar = false;
     Pose plane_from_board;
+    std::optional<Homography> homography;  // where planar and most points agree with one
 };
 
 // Right-handed frame whose x-y plane holds the points best.
-void lay_flat(const std::vector<Eigen::Vector3d>& points, Rays* rays)
+void lay_flat(Rays* rays)
 {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& point : points) {
-        mean += point / static_cast<double>(points.size());
+    for (const Eigen::Vector3d& point : rays->board) {
+        mean += point / static_cast<double>(rays->board.size());
     }
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-    for (const Eigen::Vector3d& point : points) {
+    for (const Eigen::Vector3d& point : rays->board) {
         spread += (point - mean) * (point - mean).transpose();
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
     rays->planar = axes.eigenvalues()[0] < 1e-6 * axes.eigenvalues()[2];
-    if (rays->planar) {
-        Eigen::Matrix3d rotation = axes.eigenvectors().transpose().colwise().reverse();
-        if (rotation.determinant() < 0.0) {
-            rotation.row(2) = -rotation.row(2);
-        }
-        rays->plane_from_board = {rotation, -(rotation * mean)};
+    if (!rays->planar) {
+        return;
     }
-    for (const Eigen::Vector3d& point : points) {
-        const Eigen::Vector3d at = rays->plane_from_board * point;
-        rays->board.emplace_back(at.x(), at.y(), rays->planar ? 0.0 : at.z());
+    Eigen::Matrix3d rotation = axes.eigenvectors().transpose().colwise().reverse();
+    if (rotation.determinant() < 0.0) {
+        rotation.row(2) = -rotation.row(2);
     }
+    rays->plane_from_board = {rotation, -(rotation * mean)};
+    for (Eigen::Vector3d& point : rays->board) {
+        point = rays->plane_from_board * point;
+        point.z() = 0.0;
+        rays->points.plane.push_back(point.head<2>());
+    }
+    rays->homography = find_homography(rays->points, kInlierDistance, kViewPointsMin);
 }
 
-Rays rays_of(const Camera& lens, const View& view, std::size_t points_max)
+Rays rays_of(const Camera& lens, double fold, const View& view)
 {
     Rays rays;
-    std::vector<Eigen::Vector3d> points;
-    const double fold = lens.fold_radius();
-    for (const ViewPoint& point : thinned(view, points_max).points) {
+    for (const ViewPoint& point : view.points) {
         const Eigen::Vector3d ray = lens.unproject(point.pixel, fold);
         if (ray.allFinite() && ray.z() > 0.1) {
-            points.push_back(point.at_mm);
-            rays.image.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
+            rays.board.push_back(point.at_mm);
+            rays.points.image.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
         }
     }
-    if (points.size() >= kViewPointsMin) {
-        lay_flat(points, &rays);
+    if (rays.board.size() >= kViewPointsMin) {
+        lay_flat(&rays);
     }
     return rays;
 }
@@ -83,81 +87,52 @@ std::optional<Pose> to_pose(const cv::Mat& rotation_vector, const cv::Mat& trans
     return six.allFinite() ? std::optional<Pose>(pose_exp(six)) : std::nullopt;
 }
 
-std::optional<Pose> planar_pose(const Rays& rays)
+std::optional<Pose> solid_pose(const Rays& rays, double scale)
 {
-    std::vector<cv::Point2d> flat;
-    for (const cv::Point3d& point : rays.board) {
-        flat.emplace_back(point.x, point.y);
-    }
-    std::vector<unsigned char> inlier;
-    cv::findHomography(flat, rays.image, cv::RANSAC, kInlierDistance, inlier, kRansacSteps,
-                       kRansacConfidence);
     std::vector<cv::Point3d> board;
     std::vector<cv::Point2d> image;
-    for (std::size_t i = 0; i < inlier.size(); ++i) {
-        if (inlier[i] != 0) {
-            board.push_back(rays.board[i]);
-            image.push_back(rays.image[i]);
-        }
-    }
-    if (board.size() < kViewPointsMin) {
-        return std::nullopt;
+    for (std::size_t i = 0; i < rays.board.size(); ++i) {
+        board.emplace_back(rays.board[i].x(), rays.board[i].y(), rays.board[i].z());
+        image.emplace_back(scale * rays.points.image[i].x(), scale * rays.points.image[i].y());
     }
     cv::Mat rotation;
     cv::Mat translation;
-    if (!cv::solvePnP(board, image, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation, translation,
-                      false, cv::SOLVEPNP_IPPE)) {
-        return std::nullopt;
-    }
-    return to_pose(rotation, translation);
-}
-
-std::optional<Pose> solid_pose(const Rays& rays)
-{
-    cv::Mat rotation;
-    cv::Mat translation;
-    if (!cv::solvePnPRansac(rays.board, rays.image, cv::Mat::eye(3, 3, CV_64F), cv::noArray(),
-                            rotation, translation, false, kRansacSteps,
-                            static_cast<float>(kInlierDistance), kRansacConfidence, cv::noArray(),
-                            cv::SOLVEPNP_SQPNP)) {
-        return std::nullopt;
-    }
-    return to_pose(rotation, translation);
-}
-
-std::optional<Pose> pose_of(const Rays& rays)
-{
-    if (rays.board.size() < kViewPointsMin) {
-        return std::nullopt;
-    }
     try {
-        const std::optional<Pose> found = rays.planar ? planar_pose(rays) : solid_pose(rays);
-        if (!found) {
+        if (!cv::solvePnPRansac(board, image, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation,
+                                translation, false, kRansacSteps, static_cast<float>(kInlierDistance),
+                                kRansacConfidence, cv::noArray(), cv::SOLVEPNP_SQPNP)) {
             return std::nullopt;
         }
-        const Pose cam_from_board = *found * rays.plane_from_board;
-        for (const cv::Point3d& point : rays.board) {
-            if ((*found * Eigen::Vector3d(point.x, point.y, point.z)).z() <= 0.0) {
-                return std::nullopt;
-            }
-        }
-        return cam_from_board;
     } catch (const cv::Exception&) {
         return std::nullopt;  // points that OpenCV finds degenerate carry no pose
     }
+    return to_pose(rotation, translation);
 }
 
-// Median distance between rays and board points at distance 1, in pixels of the focal length.
-double median_error_px(const Rays& rays, const Pose& cam_from_board, double focal_px)
+// Pose of rays->board in the camera, its image times `scale`.
+std::optional<Pose> pose_of(const Rays& rays, double scale)
 {
-    const Pose cam_from_plane = cam_from_board * inverse(rays.plane_from_board);
-    std::vector<double> errors;
-    for (std::size_t i = 0; i < rays.board.size(); ++i) {
-        const cv::Point3d& b = rays.board[i];
-        const Eigen::Vector3d p = cam_from_plane * Eigen::Vector3d(b.x, b.y, b.z);
-        errors.push_back(std::hypot(p.x() / p.z() - rays.image[i].x, p.y() / p.z() - rays.image[i].y));
+    if (rays.board.size() < kViewPointsMin || (rays.planar && !rays.homography)) {
+        return std::nullopt;
     }
-    return focal_px * median_of(&errors);
+    const std::optional<Pose> found =
+        rays.planar ? plane_pose(rays.points, *rays.homography, scale) : solid_pose(rays, scale);
+    const bool ahead = found && std::all_of(rays.board.begin(), rays.board.end(), [&](const Eigen::Vector3d& p) {
+                           return (*found * p).z() > 0.0;
+                       });
+    return ahead ? found : std::nullopt;
+}
+
+// Median distance between rays, times `scale`, and board points at distance 1, in pixels of the focal length.
+double median_error_px(const Rays& rays, const Pose& pose, double scale, double focal_px)
+{
+    std::vector<double> errors;
+    errors.reserve(rays.board.size());
+    for (std::size_t i = 0; i < rays.board.size(); ++i) {
+        const Eigen::Vector3d p = pose * rays.board[i];
+        errors.push_back((p.head<2>() / p.z() - scale * rays.points.image[i]).squaredNorm());
+    }
+    return focal_px * std::sqrt(median_of(&errors));
 }
 
 Camera plain_lens(CameraModel model, const SceneCamera& camera, double focal_px)
@@ -169,24 +144,44 @@ Camera plain_lens(CameraModel model, const SceneCamera& camera, double focal_px)
 
 }  // namespace
 
-std::optional<Pose> seed_pose(const Camera& lens, const View& view)
+std::optional<Pose> seed_pose(const Camera& lens, double fold, const View& view)
 {
-    return pose_of(rays_of(lens, view, view.points.size()));
+    const Rays rays = rays_of(lens, fold, view);
+    const std::optional<Pose> found = pose_of(rays, 1.0);
+    return found ? std::optional<Pose>(*found * rays.plane_from_board) : std::nullopt;
 }
 
 Camera seed_lens(CameraModel model, const SceneCamera& camera, const std::vector<const View*>& views)
 {
     const std::size_t step = std::max<std::size_t>(1, views.size() / kScanViews);
+    std::vector<View> some;
+    for (std::size_t i = 0; i < views.size(); i += step) {
+        some.push_back(thinned(*views[i], kScanPoints));
+    }
+    // Another focal length scales a pinhole camera's rays, and its homographies with them.
+    const bool scales = model != CameraModel::kFisheye;
+    std::vector<Rays> rays(some.size());
+    const auto look = [&](const Camera& lens) {
+        const double fold = lens.fold_radius();
+        std::transform(some.begin(), some.end(), rays.begin(),
+                       [&](const View& view) { return rays_of(lens, fold, view); });
+    };
     double best_error = HUGE_VAL;
     Camera best = plain_lens(model, camera, camera.width_px);
+    if (scales) {
+        look(best);
+    }
     for (double part = 0.3; part < 10.0; part *= 1.15) {
         const double focal_px = part * camera.width_px;
         const Camera lens = plain_lens(model, camera, focal_px);
+        if (!scales) {
+            look(lens);
+        }
+        const double scale = scales ? 1.0 / part : 1.0;
         std::vector<double> errors;
-        for (std::size_t i = 0; i < views.size(); i += step) {
-            const Rays rays = rays_of(lens, *views[i], kScanPoints);
-            const std::optional<Pose> pose = pose_of(rays);
-            errors.push_back(pose ? median_error_px(rays, *pose, focal_px) : camera.width_px);
+        for (const Rays& own : rays) {
+            const std::optional<Pose> pose = pose_of(own, scale);
+            errors.push_back(pose ? median_error_px(own, *pose, scale, focal_px) : camera.width_px);
         }
         std::sort(errors.begin(), errors.end());
         double sum = 0.0;
