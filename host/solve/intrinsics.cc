@@ -180,7 +180,7 @@ Result<CameraAlone> calibrate_alone(const Scene& scene, const ViewSet& set, int 
             "frame numbers are right",
             known.name, camera_model_name(model), alone.noise_px));
     }
-    if (!refine(options, &own, &state).converged) {
+    if (!refine_near(options, &own, &state).converged) {
         return Status::failure(
             fmt::format("camera '{}': its solution does not settle; record more views", known.name));
     }

@@ -25,6 +25,10 @@ constexpr double kCauchySigmas = 3.0;
 constexpr double kOffsetSettledPx = 2e-5;
 // An estimated sigma that changes by less leaves the weights as they were.
 constexpr double kSigmaSettledPart = 1e-3;
+// Falls of the cost, as parts of it, that end a robust solve. Where the lens still lacks terms the next
+// solve, with more of them, changes all that a finer end would tell.
+constexpr double kToleranceRobust = 1e-6;
+constexpr double kToleranceOnTheWay = 1e-3;
 // Near the minimum Gauss and Newton's steps need no damping.
 constexpr double kTrustNear = 1e8;
 // Brown's lens takes five; coefficients that stand in for one another lead through long valleys.
@@ -216,7 +220,8 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
 {
     std::vector<View> some = thinned(views, kApproachPoints);
     BundleOptions robust = options;
-    robust.tolerance = 1e-6;
+    const bool on_the_way = options.lens == LensFreedom::kFocal || options.lens == LensFreedom::kRadial;
+    robust.tolerance = on_the_way ? kToleranceOnTheWay : kToleranceRobust;
     double before = HUGE_VAL;
     for (int round = 0; round < kRobustRounds; ++round) {
         update_centre_offsets(*state, options.threads, &some);
@@ -265,11 +270,8 @@ RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, R
     return result;
 }
 
-RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
+RefineResult refine_near(const BundleOptions& options, std::vector<View>* views, RigState* state)
 {
-    if (!approach(options, *views, state)) {
-        return RefineResult();
-    }
     BundleOptions near = options;
     near.trust = kTrustNear;
     near.iterations_max = kIterationsNear;
@@ -277,6 +279,11 @@ RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigS
         return bundle(*own, near, moved).usable;
     };
     return settle(solve, options.threads, views, state);
+}
+
+RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
+{
+    return approach(options, *views, state) ? refine_near(options, views, state) : RefineResult();
 }
 
 }  // namespace rig

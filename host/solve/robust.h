@@ -28,6 +28,9 @@ struct RefineResult {
 // not known, and which points are used.
 RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state);
 
+// The same from where approach() ended, with the same options.
+RefineResult refine_near(const BundleOptions& options, std::vector<View>* views, RigState* state);
+
 // The robust rounds alone, on at most kApproachPoints of each view: a loss whose scale follows the
 // residuals down until they stop shrinking. False when no step led to a usable state.
 bool approach(const BundleOptions& options, const std::vector<View>& views, RigState* state);

@@ -13,40 +13,42 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 
 }  // namespace
 
+// Columns are eliminated where they stand: what belongs to those that are done is kept at zero.
 void compress(const LocalQuadratic& quadratic, CompressedView* out)
 {
     const Eigen::Index count = quadratic.normal.rows();
     const Eigen::VectorXd size = quadratic.normal.diagonal().cwiseMax(0.0).cwiseSqrt();
     const Eigen::VectorXd scale = size.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
-    Eigen::MatrixXd a = scale.asDiagonal() * quadratic.normal * scale.asDiagonal();
+    Eigen::MatrixXd a(count, count);
+    for (Eigen::Index j = 0; j < count; ++j) {
+        a.col(j) = scale[j] * scale.cwiseProduct(quadratic.normal.col(j));
+    }
     Eigen::VectorXd right = scale.cwiseProduct(quadratic.gradient);
-    Eigen::VectorXi place = Eigen::VectorXi::LinSpaced(count, 0, static_cast<int>(count) - 1);
+    Eigen::VectorXd row(count);
     out->root.setZero(count, count);
     out->residual.setZero(count + 1);
     double explained = 0.0;
     for (Eigen::Index k = 0; k < count; ++k) {
         Eigen::Index pivot = 0;
-        if (!(a.diagonal().tail(count - k).maxCoeff(&pivot) > kPivotMin)) {
+        const double largest = a.diagonal().maxCoeff(&pivot);
+        if (!(largest > kPivotMin)) {
             break;
         }
-        pivot += k;
-        a.row(k).swap(a.row(pivot));
-        a.col(k).swap(a.col(pivot));
-        std::swap(right[k], right[pivot]);
-        std::swap(place[k], place[pivot]);
-        const Eigen::Index below = count - k - 1;
-        const double root = std::sqrt(a(k, k));
-        a(k, k) = root;
-        a.col(k).tail(below) /= root;
-        a.bottomRightCorner(below, below).noalias() -= a.col(k).tail(below) * a.col(k).tail(below).transpose();
-        out->residual[k] = right[k] / root;
-        right.tail(below) -= out->residual[k] * a.col(k).tail(below);
+        const double root = std::sqrt(largest);
+        row = a.col(pivot) / root;
+        out->root.row(k) = row.cwiseProduct(size);
+        out->residual[k] = right[pivot] / root;
         explained += out->residual[k] * out->residual[k];
-        for (Eigen::Index j = k; j < count; ++j) {
-            out->root(k, place[j]) = a(j, k);
+        right -= out->residual[k] * row;
+        row[pivot] = 0.0;
+        a.row(pivot).setZero();
+        for (Eigen::Index j = 0; j < count; ++j) {
+            if (row[j] != 0.0) {
+                a.col(j) -= row[j] * row;
+            }
         }
+        a.col(pivot).setZero();
     }
-    out->root *= size.asDiagonal();
     out->residual[count] = std::sqrt(std::max(0.0, quadratic.squares - explained));
 }
 
