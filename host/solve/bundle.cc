@@ -225,7 +225,9 @@ std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, c
     return cameras;
 }
 
-// Says where a solve is, some seconds apart, so that short ones say nothing.
+// Says where a solve is, some seconds apart, so that short ones say nothing. Ends it where another step
+// would: falls of the cost shrink at least as fast as from the last step to this one, and what the next
+// would bring is below the tolerance. Ceres makes that step to see it, and then drops it.
 class Reporter : public ceres::IterationCallback {
 public:
     explicit Reporter(const BundleOptions& options) : options_(options) {}
@@ -235,13 +237,18 @@ public:
             said_s_ = step.cumulative_time_in_seconds;
             options_.progress(fmt::format("  iteration {}, cost {:.6g}", step.iteration, step.cost));
         }
-        return ceres::SOLVER_CONTINUE;
+        const double before = step.iteration > 0 ? fall_ : 0.0;
+        fall_ = step.step_is_successful ? step.cost_change : 0.0;
+        const bool ends = before > 0.0 && fall_ > 0.0
+                          && fall_ * std::min(1.0, fall_ / before) <= options_.tolerance * step.cost;
+        return ends ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
     }
 
 private:
     static constexpr double kEverySeconds = 3.0;
     const BundleOptions& options_;
     double said_s_ = 0.0;
+    double fall_ = 0.0;
 };
 
 ceres::Solver::Options solver_options(const BundleOptions& options)

@@ -34,25 +34,30 @@ constexpr double kTrustNear = 1e8;
 // Brown's lens takes five; coefficients that stand in for one another lead through long valleys.
 constexpr int kIterationsNear = 150;
 
-// Where no sigma was given: the camera's noise becomes the sigma of its points. True when that
-// changed the weights.
-bool update_sigmas(std::vector<double>* factors, std::vector<View>* views)
+// Where no sigma was given: the camera's noise becomes the sigma of its points. True when that changed the
+// weights. With `scale_free` a factor that all points have in common does not count: what is least stays so.
+bool update_sigmas(bool scale_free, std::vector<double>* factors, std::vector<View>* views)
 {
     std::vector<bool> estimated(factors->size(), false);
-    bool changed = false;
+    // Of what sigmas were multiplied by; that of known ones is 1.
+    double least = scale_free ? HUGE_VAL : 1.0;
+    double most = scale_free ? 0.0 : 1.0;
     for (View& view : *views) {
         const auto camera = static_cast<std::size_t>(view.camera);
         const double factor = (*factors)[camera];
         const bool settled = std::abs(factor - 1.0) < kSigmaSettledPart;
         for (ViewPoint& point : view.points) {
+            double change = 1.0;
             if (!point.sigma_known) {
                 estimated[camera] = true;
                 if (!settled) {
                     const double sigma = std::max(kSigmaMinPx, point.sigma_px * factor);
-                    changed = changed || std::abs(sigma / point.sigma_px - 1.0) > kSigmaSettledPart;
+                    change = sigma / point.sigma_px;
                     point.sigma_px = static_cast<float>(sigma);
                 }
             }
+            least = std::min(least, change);
+            most = std::max(most, change);
         }
     }
     for (std::size_t camera = 0; camera < factors->size(); ++camera) {
@@ -60,7 +65,7 @@ bool update_sigmas(std::vector<double>* factors, std::vector<View>* views)
             (*factors)[camera] = 1.0;
         }
     }
-    return changed;
+    return most > (1.0 + kSigmaSettledPart) * least;
 }
 
 // Applies the rule of robust.h to one view; true when the set of used points changed.
@@ -246,7 +251,7 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
     return true;
 }
 
-RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state)
+RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state, bool scale_free)
 {
     RefineResult result;
     // Centre offsets, sigmas and the set of points are held during a solve. They change by a
@@ -255,7 +260,7 @@ RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, R
     for (int round = 0; round < kPlainRounds; ++round) {
         const double moved = update_centre_offsets(*state, threads, views);
         result.noise_factor = noise_factors(*state, threads, *views);
-        const bool weighed = update_sigmas(&result.noise_factor, views);
+        const bool weighed = update_sigmas(scale_free, &result.noise_factor, views);
         const bool changed = select_points(*state, result.noise_factor, threads, views);
         if (round > 0 && !due && !weighed && !changed && moved < kOffsetSettledPx) {
             break;
@@ -278,7 +283,7 @@ RefineResult refine_near(const BundleOptions& options, std::vector<View>* views,
     const auto solve = [&](std::vector<View>* own, RigState* moved) {
         return bundle(*own, near, moved).usable;
     };
-    return settle(solve, options.threads, views, state);
+    return settle(solve, options.threads, views, state, options.prior == nullptr);
 }
 
 RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)

@@ -37,8 +37,10 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
 
 // The plain rounds alone, with any solver: centre offsets, sigmas and the set of used points are brought
 // up to date and `solve` is called, until nothing changes. `solve` may move points; false: it failed.
+// scale_free: all sigmas times one factor have the same solution, as where nothing but residuals counts.
 using Solve = std::function<bool(std::vector<View>*, RigState*)>;
-RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state);
+RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state,
+                    bool scale_free = false);
 
 // Sets each circle's centre_offset_px for the present state, and with a rolling shutter each point's. Returns
 // the largest change, px.
