@@ -13,7 +13,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRadiusMax = 100.0;  // r/z of a ray 0.57 degrees from the image plane
 constexpr int kSteps = 100;
-constexpr double kExactPx = 1e-10;  // rounding of a pixel's coordinates, which no step makes smaller
+// Rounding of a pixel's coordinates, which no step makes smaller.
+constexpr double kExactPx = 1e-10;
 
 // Slope of the radial part along its radius, up to a positive factor.
 double radial_slope(const Camera& camera, double radius)
@@ -91,7 +92,8 @@ bool newton_step(const Camera& camera, const Eigen::Vector2d& at, const Eigen::V
 double Camera::fold_radius() const
 {
     const double end = model == CameraModel::kFisheye ? kPi : kRadiusMax;
-    if (std::all_of(intrinsics.begin() + kPinholeCount, intrinsics.end(), [](double k) { return k == 0.0; })) {
+    if (std::all_of(intrinsics.begin() + kPinholeCount, intrinsics.end(),
+                    [](double k) { return k == 0.0; })) {
         return end;
     }
     double low = 0.0;

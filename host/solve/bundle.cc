@@ -225,9 +225,9 @@ std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, c
     return cameras;
 }
 
-// Says where a solve is, some seconds apart, so that short ones say nothing. Ends it where another step
-// would: falls of the cost shrink at least as fast as from the last step to this one, and what the next
-// would bring is below the tolerance. Ceres makes that step to see it, and then drops it.
+// Says where a solve is, some seconds apart, so that short ones say nothing. Ends it where another
+// step would: falls of the cost shrink at least as fast as from the last step to this one, and what
+// the next would bring is below the tolerance. Ceres makes that step to see it, and then drops it.
 class Reporter : public ceres::IterationCallback {
 public:
     explicit Reporter(const BundleOptions& options) : options_(options) {}
@@ -239,8 +239,9 @@ public:
         }
         const double before = step.iteration > 0 ? fall_ : 0.0;
         fall_ = step.step_is_successful ? step.cost_change : 0.0;
-        const bool ends = before > 0.0 && fall_ > 0.0
-                          && fall_ * std::min(1.0, fall_ / before) <= options_.tolerance * step.cost;
+        const bool ends =
+            before > 0.0 && fall_ > 0.0
+            && fall_ * std::min(1.0, fall_ / before) <= options_.tolerance * step.cost;
         return ends ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
     }
 

@@ -20,10 +20,10 @@ constexpr int kFits = 3;
 
 using Sample = std::array<std::uint32_t, 4>;
 
-// The matrix whose columns are the first three points, each times what makes their sum the fourth. False
-// where three of them lie on a line.
-bool basis_of(const std::vector<Eigen::Vector2d>& points, const Sample& sample, Eigen::Matrix3d* basis,
-              Eigen::Vector3d* factor)
+// The matrix whose columns are the first three points, each times what makes their sum the fourth.
+// False where three of them lie on a line.
+bool basis_of(const std::vector<Eigen::Vector2d>& points, const Sample& sample,
+              Eigen::Matrix3d* basis, Eigen::Vector3d* factor)
 {
     for (int i = 0; i < 3; ++i) {
         basis->col(i) = points[sample[static_cast<std::size_t>(i)]].homogeneous();
@@ -54,7 +54,8 @@ bool map_of_four(const PlanePoints& points, const Sample& sample, Eigen::Matrix3
     Eigen::Matrix3d to;
     Eigen::Vector3d from_factor;
     Eigen::Vector3d to_factor;
-    if (!basis_of(points.plane, sample, &from, &from_factor) || !basis_of(points.image, sample, &to, &to_factor)
+    if (!basis_of(points.plane, sample, &from, &from_factor)
+        || !basis_of(points.image, sample, &to, &to_factor)
         || (from_factor.array() * to_factor.array()).minCoeff() <= 0.0) {
         return false;
     }
@@ -71,15 +72,16 @@ void find_agreeing(const PlanePoints& points, const Eigen::Matrix3d& map, double
     for (std::size_t i = 0; i < points.plane.size(); ++i) {
         const Eigen::Vector3d at = map * points.plane[i].homogeneous();
         // Multiplied by the depth instead of divided.
-        if (at.z() > 0.0
-            && (at.head<2>() - at.z() * points.image[i]).squaredNorm() <= distance * distance * at.z() * at.z()) {
+        const double reach = distance * at.z();
+        if (reach > 0.0
+            && (at.head<2>() - at.z() * points.image[i]).squaredNorm() <= reach * reach) {
             agree->push_back(static_cast<std::uint32_t>(i));
         }
     }
 }
 
-// Least squares over the given points of (at.xy - at.z image) / depth, with the depth of the present
-// map: repeated, that is the distance in the image. Unknown are all entries but the last.
+// Least squares over the given points of (at.xy - at.z image) / depth, with the depth of the
+// present map: repeated, that is the distance in the image. Unknown are all entries but the last.
 bool fit(const PlanePoints& points, const std::vector<std::uint32_t>& indices, Eigen::Matrix3d* map)
 {
     Eigen::Matrix<double, 8, 8> normal = Eigen::Matrix<double, 8, 8>::Zero();
@@ -113,9 +115,9 @@ bool fit(const PlanePoints& points, const std::vector<std::uint32_t>& indices, E
 int samples_for(double share)
 {
     const double all_right = share * share * share * share;
-    return all_right >= 1.0 - kMissed
-               ? 1
-               : static_cast<int>(std::min<double>(kSamplesMax, std::log(kMissed) / std::log1p(-all_right) + 1.0));
+    const double count =
+        all_right < 1.0 - kMissed ? std::log(kMissed) / std::log1p(-all_right) + 1.0 : 1.0;
+    return static_cast<int>(std::min<double>(kSamplesMax, count));
 }
 
 // Turns the z axis to the direction (p, q, 1).
@@ -124,12 +126,14 @@ Eigen::Matrix3d turn_to(const Eigen::Vector2d& at)
     const Eigen::Vector3d to = at.homogeneous().normalized();
     const Eigen::Vector3d axis(-to.y(), to.x(), 0.0);
     // 1 + cos stands below: the direction is in front of the camera.
-    return to.z() * Eigen::Matrix3d::Identity() + skew(axis) + axis * axis.transpose() / (1.0 + to.z());
+    return to.z() * Eigen::Matrix3d::Identity() + skew(axis)
+           + axis * axis.transpose() / (1.0 + to.z());
 }
 
-// The translation that puts the points nearest to their rays, weighted by depth; and their mean square
-// distance in the image, infinite where one lies behind.
-double place(const PlanePoints& points, const std::vector<std::uint32_t>& indices, double scale, Pose* pose)
+// The translation that puts the points nearest to their rays, weighted by depth; and their mean
+// square distance in the image, infinite where one lies behind.
+double place(const PlanePoints& points, const std::vector<std::uint32_t>& indices, double scale,
+             Pose* pose)
 {
     // Rows (1, 0, -x) t = x Z - X and (0, 1, -y) t = y Z - Y.
     const auto count = static_cast<double>(indices.size());
@@ -147,11 +151,13 @@ double place(const PlanePoints& points, const std::vector<std::uint32_t>& indice
         along += seen.dot(miss);
     }
     // The first two eliminated.
-    const double depth = (sum.dot(sum_miss) / count - along) / (squares - sum.squaredNorm() / count);
+    const double depth =
+        (sum.dot(sum_miss) / count - along) / (squares - sum.squaredNorm() / count);
     pose->translation_mm << (sum_miss + depth * sum) / count, depth;
     double total = 0.0;
     for (const std::uint32_t i : indices) {
-        const Eigen::Vector3d at = pose->rotation.leftCols<2>() * points.plane[i] + pose->translation_mm;
+        const Eigen::Vector3d at =
+            pose->rotation.leftCols<2>() * points.plane[i] + pose->translation_mm;
         if (!(at.z() > 0.0)) {
             return HUGE_VAL;
         }
@@ -162,7 +168,8 @@ double place(const PlanePoints& points, const std::vector<std::uint32_t>& indice
 
 }  // namespace
 
-std::optional<Homography> find_homography(const PlanePoints& points, double distance, std::size_t count_min)
+std::optional<Homography> find_homography(const PlanePoints& points, double distance,
+                                          std::size_t count_min)
 {
     const std::size_t count = points.plane.size();
     Homography best;
@@ -181,7 +188,8 @@ std::optional<Homography> find_homography(const PlanePoints& points, double dist
         find_agreeing(points, map, distance, &agree);
         if (agree.size() > best.agree.size()) {
             best = {map, agree};
-            wanted = std::min(wanted, samples_for(static_cast<double>(agree.size()) / static_cast<double>(count)));
+            const double share = static_cast<double>(agree.size()) / static_cast<double>(count);
+            wanted = std::min(wanted, samples_for(share));
         }
     }
     if (best.agree.size() < count_min) {
@@ -201,7 +209,8 @@ std::optional<Homography> find_homography(const PlanePoints& points, double dist
     return best;
 }
 
-std::optional<Pose> plane_pose(const PlanePoints& points, const Homography& homography, double scale)
+std::optional<Pose> plane_pose(const PlanePoints& points, const Homography& homography,
+                               double scale)
 {
     const Eigen::Matrix3d& h = homography.map;
     const Eigen::Vector2d at = scale * h.topRightCorner<2, 1>();
@@ -232,7 +241,8 @@ std::optional<Pose> plane_pose(const PlanePoints& points, const Homography& homo
             best = pose;
         }
     }
-    return least < HUGE_VAL && pose_log(best).allFinite() ? std::optional<Pose>(best) : std::nullopt;
+    const bool found = least < HUGE_VAL && pose_log(best).allFinite();
+    return found ? std::optional<Pose>(best) : std::nullopt;
 }
 
 }  // namespace rig

@@ -25,8 +25,8 @@ constexpr double kCauchySigmas = 3.0;
 constexpr double kOffsetSettledPx = 2e-5;
 // An estimated sigma that changes by less leaves the weights as they were.
 constexpr double kSigmaSettledPart = 1e-3;
-// Falls of the cost, as parts of it, that end a robust solve. Where the lens still lacks terms the next
-// solve, with more of them, changes all that a finer end would tell.
+// Falls of the cost, as parts of it, that end a robust solve. Where the lens still lacks terms the
+// next solve, with more of them, changes all that a finer end would tell.
 constexpr double kToleranceRobust = 1e-6;
 constexpr double kToleranceOnTheWay = 1e-3;
 // Near the minimum Gauss and Newton's steps need no damping.
@@ -34,8 +34,9 @@ constexpr double kTrustNear = 1e8;
 // Brown's lens takes five; coefficients that stand in for one another lead through long valleys.
 constexpr int kIterationsNear = 150;
 
-// Where no sigma was given: the camera's noise becomes the sigma of its points. True when that changed the
-// weights. With `scale_free` a factor that all points have in common does not count: what is least stays so.
+// Where no sigma was given: the camera's noise becomes the sigma of its points. True when that
+// changed the weights. With `scale_free` a factor that all points have in common does not count:
+// the minimum stays where it is.
 bool update_sigmas(bool scale_free, std::vector<double>* factors, std::vector<View>* views)
 {
     std::vector<bool> estimated(factors->size(), false);
@@ -225,7 +226,8 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
 {
     std::vector<View> some = thinned(views, kApproachPoints);
     BundleOptions robust = options;
-    const bool on_the_way = options.lens == LensFreedom::kFocal || options.lens == LensFreedom::kRadial;
+    const bool on_the_way =
+        options.lens == LensFreedom::kFocal || options.lens == LensFreedom::kRadial;
     robust.tolerance = on_the_way ? kToleranceOnTheWay : kToleranceRobust;
     double before = HUGE_VAL;
     for (int round = 0; round < kRobustRounds; ++round) {
@@ -251,7 +253,8 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
     return true;
 }
 
-RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state, bool scale_free)
+RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state,
+                    bool scale_free)
 {
     RefineResult result;
     // Centre offsets, sigmas and the set of points are held during a solve. They change by a

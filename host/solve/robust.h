@@ -37,7 +37,7 @@ bool approach(const BundleOptions& options, const std::vector<View>& views, RigS
 
 // The plain rounds alone, with any solver: centre offsets, sigmas and the set of used points are brought
 // up to date and `solve` is called, until nothing changes. `solve` may move points; false: it failed.
-// scale_free: all sigmas times one factor have the same solution, as where nothing but residuals counts.
+// scale_free: all sigmas times one factor have the same solution, as where residuals alone count.
 using Solve = std::function<bool(std::vector<View>*, RigState*)>;
 RefineResult settle(const Solve& solve, int threads, std::vector<View>* views, RigState* state,
                     bool scale_free = false);

@@ -13,7 +13,8 @@ namespace rig {
 // median reprojection error over some of the views, which are one camera's.
 Camera seed_lens(CameraModel model, const SceneCamera& camera, const std::vector<const View*>& views);
 
-// Pose of a board from one view through a given lens, whose fold_radius() `fold` is; none where it has none.
+// Pose of a board from one view through a given lens, whose fold_radius() `fold` is; none where it
+// has none.
 std::optional<Pose> seed_pose(const Camera& lens, double fold, const View& view);
 
 }  // namespace rig

@@ -1,6 +1,6 @@
-// Starting values by homographies and, for boards whose points do not lie in a plane, by OpenCV: the only
-// solver file that sees it. Pixels become rays first, so one path serves every lens: poses are found in the
-// plane z = 1 with a camera matrix of one.
+// Starting values by homographies and, for boards whose points do not lie in a plane, by OpenCV: the
+// only solver file that sees it. Pixels become rays first, so one path serves every lens: poses are
+// found in the plane z = 1 with a camera matrix of one.
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -99,8 +99,9 @@ std::optional<Pose> solid_pose(const Rays& rays, double scale)
     cv::Mat translation;
     try {
         if (!cv::solvePnPRansac(board, image, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation,
-                                translation, false, kRansacSteps, static_cast<float>(kInlierDistance),
-                                kRansacConfidence, cv::noArray(), cv::SOLVEPNP_SQPNP)) {
+                                translation, false, kRansacSteps,
+                                static_cast<float>(kInlierDistance), kRansacConfidence,
+                                cv::noArray(), cv::SOLVEPNP_SQPNP)) {
             return std::nullopt;
         }
     } catch (const cv::Exception&) {
@@ -117,13 +118,13 @@ std::optional<Pose> pose_of(const Rays& rays, double scale)
     }
     const std::optional<Pose> found =
         rays.planar ? plane_pose(rays.points, *rays.homography, scale) : solid_pose(rays, scale);
-    const bool ahead = found && std::all_of(rays.board.begin(), rays.board.end(), [&](const Eigen::Vector3d& p) {
-                           return (*found * p).z() > 0.0;
-                       });
+    const auto in_front = [&](const Eigen::Vector3d& point) { return (*found * point).z() > 0.0; };
+    const bool ahead = found && std::all_of(rays.board.begin(), rays.board.end(), in_front);
     return ahead ? found : std::nullopt;
 }
 
-// Median distance between rays, times `scale`, and board points at distance 1, in pixels of the focal length.
+// Median distance between rays, times `scale`, and board points at distance 1, in pixels of the focal
+// length.
 double median_error_px(const Rays& rays, const Pose& pose, double scale, double focal_px)
 {
     std::vector<double> errors;

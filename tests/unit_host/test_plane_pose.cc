@@ -41,7 +41,8 @@ PlanePoints image_of(const Pose& cam_from_plane, double noise = 0.0)
     return points;
 }
 
-void assert_found(const PlanePoints& points, double scale, const Pose& truth, double turn, double shift_mm)
+void assert_found(const PlanePoints& points, double scale, const Pose& truth, double turn,
+                  double shift_mm)
 {
     const auto homography = find_homography(points, kDistance, kCountMin);
     TEST_ASSERT_TRUE(homography.has_value());
