@@ -286,7 +286,8 @@ RefineResult refine_near(const BundleOptions& options, std::vector<View>* views,
     const auto solve = [&](std::vector<View>* own, RigState* moved) {
         return bundle(*own, near, moved).usable;
     };
-    return settle(solve, options.threads, views, state, options.prior == nullptr);
+    return settle(solve, options.threads, views, state,
+                  options.prior == nullptr && state->shutter.empty());
 }
 
 RefineResult refine(const BundleOptions& options, std::vector<View>* views, RigState* state)
