@@ -334,7 +334,7 @@ void the_solver_of_fields_and_surfaces_comes_to_the_same_minimum()
     TEST_ASSERT_TRUE(std::abs(moved.shutter.row_time_s[1] - found.state.shutter.row_time_s[1])
                      < 0.01 * found.covariance.row_time_s[1]);
     const FlexibleInformation information = flexible_information(
-        found.set.views, rig.scene.boards, rig.scene.cameras, {0}, found.state);
+        found.set.views, rig.scene.boards, rig.scene.cameras, {0}, nullptr, 1.0, found.state);
     const Eigen::MatrixXd full = information.matrix.selfadjointView<Eigen::Lower>();
     const Eigen::VectorXd scale = full.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd even = scale.asDiagonal() * full * scale.asDiagonal();
