@@ -227,10 +227,11 @@ std::set<std::size_t> add_views(const RigState& state, Evaluation* evaluation, c
 
 // Says where a solve is, some seconds apart, so that short ones say nothing. Ends it where another
 // step would: falls of the cost shrink at least as fast as from the last step to this one, and what
-// the next would bring is below the tolerance. Ceres makes that step to see it, and then drops it.
+// the next would bring is below the tolerance. Ceres makes that step to see it, and then drops it. Not
+// where velocities are unknowns: their falls do not shrink so.
 class Reporter : public ceres::IterationCallback {
 public:
-    explicit Reporter(const BundleOptions& options) : options_(options) {}
+    Reporter(const BundleOptions& options, bool foresees) : options_(options), foresees_(foresees) {}
     ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override
     {
         if (options_.progress && step.cumulative_time_in_seconds > said_s_ + kEverySeconds) {
@@ -240,7 +241,7 @@ public:
         const double before = step.iteration > 0 ? fall_ : 0.0;
         fall_ = step.step_is_successful ? step.cost_change : 0.0;
         const bool ends =
-            before > 0.0 && fall_ > 0.0
+            foresees_ && before > 0.0 && fall_ > 0.0
             && fall_ * std::min(1.0, fall_ / before) <= options_.tolerance * step.cost;
         return ends ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
     }
@@ -248,6 +249,7 @@ public:
 private:
     static constexpr double kEverySeconds = 3.0;
     const BundleOptions& options_;
+    const bool foresees_;
     double said_s_ = 0.0;
     double fall_ = 0.0;
 };
@@ -312,7 +314,7 @@ BundleResult bundle(const std::vector<View>& views, const BundleOptions& options
     if (options.prior != nullptr) {
         add_prior(*options.prior, blocks, &problem);
     }
-    Reporter reporter(options);
+    Reporter reporter(options, state->shutter.empty());
     ceres::Solver::Options solver = solver_options(options);
     solver.callbacks.push_back(&reporter);
     solver.linear_solver_ordering = ordering;

@@ -378,12 +378,12 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     bundle_options.lens = LensFreedom::kAll;
     const RefineResult refined =
         refine_rolling(bundle_options, &solution.set.views, &solution.state);
-    status = options.prior != nullptr
-                 ? check_prior_met(scene, bundle_options, alone_px, solution)
-                 : Status();
-    if (status.ok()) {
-        status = check_moved(scene, solution);
-    }
+    // Boards that are not flat contradict a prior, too, until they may bend.
+    const Status met = options.prior != nullptr
+                           ? check_prior_met(scene, bundle_options, alone_px, solution)
+                           : Status();
+    const bool bends = !met.ok() && !options.flat;
+    status = met.ok() ? check_moved(scene, solution) : bends ? Status() : met;
     if (!status.ok()) {
         return status;
     }
@@ -392,6 +392,9 @@ Result<Solution> solve_rig(const Scene& scene, const SolveOptions& options, cons
     }
     solution.noise_factor = refined.noise_factor;
     status = enrich(scene, options, progress, &solution);
+    if (status.ok() && bends) {
+        status = check_prior_met(scene, bundle_options, alone_px, solution);
+    }
     if (!status.ok()) {
         return status;
     }
