@@ -1,8 +1,9 @@
 /* The pixels of a rim, 128 at a time: what each says of the circle, as rows of the Jacobian and what the model
  * leaves over. This is a row kernel (dsp.h); rim.h chooses the pixels and refine.h has the model.
  *
- * All arithmetic is of 32-bit integers, the same operations for every pixel, so that compilers turn the loops
- * into vectors of any width with the same results. Ranges: places in the unit frame within rho < 3.5;
+ * Places are computed in 32-bit integers (rimrow_loops.h), the profile in 16-bit ones (rimrow_lanes.h): the same
+ * operations for every pixel, in vectors of any width with the same results. Ranges: places in the unit frame
+ * within rho < 3.5;
  * pixels with rho^2 outside of [1/8, 8) are never kept. */
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_H
