@@ -5,28 +5,6 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-#define RV               __m256i
-#define RV_LANES         16u
-#define RV_LOAD(p)       _mm256_loadu_si256((const __m256i *)(const void *)(p))
-#define RV_STORE(p, v)   _mm256_storeu_si256((__m256i *)(void *)(p), v)
-#define RV_SET(x)        _mm256_set1_epi16((int16_t)(x))
-#define RV_ADD(a, b)     _mm256_add_epi16(a, b)
-#define RV_SUB(a, b)     _mm256_sub_epi16(a, b)
-#define RV_ADDS(a, b)    _mm256_adds_epi16(a, b)
-#define RV_SUBS(a, b)    _mm256_subs_epi16(a, b)
-#define RV_MULR(a, b)    _mm256_mulhrs_epi16(a, b)
-#define RV_MIN(a, b)     _mm256_min_epi16(a, b)
-#define RV_MAX(a, b)     _mm256_max_epi16(a, b)
-#define RV_AND(a, b)     _mm256_and_si256(a, b)
-#define RV_ANDNOT(a, b)  _mm256_andnot_si256(a, b)
-#define RV_OR(a, b)      _mm256_or_si256(a, b)
-#define RV_SHL(a, n)     _mm256_sll_epi16(a, _mm_cvtsi32_si128((int)(n)))
-#define RV_SHR(a, n)     _mm256_sra_epi16(a, _mm_cvtsi32_si128((int)(n)))
-#define RV_GT(a, b)      _mm256_cmpgt_epi16(a, b)
-
-#include "firmware/detect/halve_loops.h"
-#include "firmware/detect/rimrow_loops.h"
-
 #define VEC              __m256i
 #define LANES            16u
 #define V(op)            _mm256_##op
@@ -42,6 +20,7 @@
 #define OR(a, b)         _mm256_or_si256(a, b)
 #define ANY(v)           (_mm256_testz_si256(v, v) == 0)
 #define ZERO             _mm256_setzero_si256()
+#define ROUNDED(a, b)    _mm256_mulhrs_epi16(a, b)
 #define KERNELS          dsp_avx2
 #define NAME             "avx2"
 #include "firmware/detect/dsp_x86_rows.h"

@@ -14,28 +14,6 @@ static inline __m128i rounded_product(__m128i a, __m128i b)
                          _mm_add_epi16(_mm_srli_epi16(low, 15), one));
 }
 
-#define RV               __m128i
-#define RV_LANES         8u
-#define RV_LOAD(p)       _mm_loadu_si128((const __m128i *)(const void *)(p))
-#define RV_STORE(p, v)   _mm_storeu_si128((__m128i *)(void *)(p), v)
-#define RV_SET(x)        _mm_set1_epi16((int16_t)(x))
-#define RV_ADD(a, b)     _mm_add_epi16(a, b)
-#define RV_SUB(a, b)     _mm_sub_epi16(a, b)
-#define RV_ADDS(a, b)    _mm_adds_epi16(a, b)
-#define RV_SUBS(a, b)    _mm_subs_epi16(a, b)
-#define RV_MULR(a, b)    rounded_product(a, b)
-#define RV_MIN(a, b)     _mm_min_epi16(a, b)
-#define RV_MAX(a, b)     _mm_max_epi16(a, b)
-#define RV_AND(a, b)     _mm_and_si128(a, b)
-#define RV_ANDNOT(a, b)  _mm_andnot_si128(a, b)
-#define RV_OR(a, b)      _mm_or_si128(a, b)
-#define RV_SHL(a, n)     _mm_sll_epi16(a, _mm_cvtsi32_si128((int)(n)))
-#define RV_SHR(a, n)     _mm_sra_epi16(a, _mm_cvtsi32_si128((int)(n)))
-#define RV_GT(a, b)      _mm_cmpgt_epi16(a, b)
-
-#include "firmware/detect/halve_loops.h"
-#include "firmware/detect/rimrow_loops.h"
-
 #define VEC              __m128i
 #define LANES            8u
 #define V(op)            _mm_##op
@@ -50,6 +28,7 @@ static inline __m128i rounded_product(__m128i a, __m128i b)
 #define OR(a, b)         _mm_or_si128(a, b)
 #define ANY(v)           (_mm_movemask_epi8(v) != 0)
 #define ZERO             _mm_setzero_si128()
+#define ROUNDED(a, b)    rounded_product(a, b)
 #define KERNELS          dsp_sse2
 #define NAME             "sse2"
 #include "firmware/detect/dsp_x86_rows.h"

@@ -6,6 +6,7 @@
  *   LOAD_BYTES     LANES bytes, each widened to 16 bits
  *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
  *   QUARTERS       a 128-bit register of four sums over a register's 32-bit values
+ *   ROUNDED        (a b + 2^14) >> 15 of 16-bit values: rimrow_lanes.h
  *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
  *   KERNELS        the table's name; NAME its text
  *
@@ -18,6 +19,28 @@
  * sums of the other two filters' taps cancel. */
 
 #include "firmware/detect/dsp.h"
+#include "firmware/detect/halve_loops.h"
+
+/* Lanes for rimrow_lanes.h. */
+#define RV              VEC
+#define RV_LANES        LANES
+#define RV_LOAD(p)      LOAD(p)
+#define RV_STORE(p, v)  STORE(p, v)
+#define RV_SET(x)       V(set1_epi16)((int16_t)(x))
+#define RV_ADD(a, b)    V(add_epi16)(a, b)
+#define RV_SUB(a, b)    V(sub_epi16)(a, b)
+#define RV_ADDS(a, b)   V(adds_epi16)(a, b)
+#define RV_SUBS(a, b)   V(subs_epi16)(a, b)
+#define RV_MULR(a, b)   ROUNDED(a, b)
+#define RV_MIN(a, b)    V(min_epi16)(a, b)
+#define RV_MAX(a, b)    V(max_epi16)(a, b)
+#define RV_AND(a, b)    AND(a, b)
+#define RV_ANDNOT(a, b) ANDNOT(a, b)
+#define RV_OR(a, b)     OR(a, b)
+#define RV_SHL(a, n)    V(sll_epi16)(a, _mm_cvtsi32_si128((int)(n)))
+#define RV_SHR(a, n)    V(sra_epi16)(a, _mm_cvtsi32_si128((int)(n)))
+#define RV_GT(a, b)     V(cmpgt_epi16)(a, b)
+#include "firmware/detect/rimrow_loops.h"
 
 /* Two taps side by side, for pairs of samples. */
 static inline VEC tap_pair(int even, int odd)

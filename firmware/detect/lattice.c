@@ -8,7 +8,7 @@
 #define ROUNDS_MAX     8u
 #define REACH_CELLS    2
 /* Circles of fewer blurs are held against the map through all around. It errs by some hundredths of a pixel, they by
- * three sigmas of at most 0.055. */
+ * three sigmas of at most 0.06. */
 #define STRAYS_SIGMAS_Q8 640   /* 2.5 */
 #define STRAYS_PX_Q16    10486 /* 0.16 */
 #define ROOT_LIMIT_Q16 ((int64_t)600 << 16)

@@ -11,13 +11,13 @@
 #define WORST_SHARE_Q8    768 /* 3 */
 #define SLACK_KNOWN_Q16   262 /* 0.004 */
 #define SLACK_UNKNOWN_Q16 786 /* 0.012 */
+#define AGAIN_PX_Q16      3932 /* 0.06 */
 /* Circles of so many blurs tell the blur best, and small ones start from theirs. */
-#define AGAIN_PX_Q16 3932 /* 0.06 */
-/* The anchor fills one quarter of a patch, four small circles each of the others. */
-#define QUARTERS 4u
-#define QUARTER_SMALL 4u
 #define LARGE_SIGMAS 6
 #define SMALL_SIGMAS 4
+/* The anchor fills one quarter of a patch, four small circles each of the others. */
+#define QUARTERS      4u
+#define QUARTER_SMALL 4u
 
 void refine_init(struct refine *refine, struct arena *arena, const struct dsp_kernels *dsp,
                  const struct patches_settings *settings, uint32_t kernel_sigma_px_q16)
