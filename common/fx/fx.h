@@ -9,6 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "common/fx/wide.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -103,23 +105,7 @@ static inline int64_t fx_mul_q30(int64_t a_q30, int64_t b_q30)
 /* The same for |a * b| below 2^92, rounded alike. */
 static inline int64_t fx_mul_wide_q30(int64_t a_q30, int64_t b_q30)
 {
-#if defined(__SIZEOF_INT128__)
-    __extension__ typedef __int128 wide;
-    return (int64_t)(((wide)a_q30 * b_q30 + (1 << 29)) >> 30);
-#else
-    /* Sizes in halves of 32 bits; halves of a unit are rounded upwards, so towards zero below it. */
-    const bool negative = (a_q30 < 0) != (b_q30 < 0);
-    const uint64_t a = (uint64_t)fx_abs_i64(a_q30);
-    const uint64_t b = (uint64_t)fx_abs_i64(b_q30);
-    const uint64_t low = (a & UINT32_MAX) * (b & UINT32_MAX);
-    const uint64_t cross = (a >> 32) * (b & UINT32_MAX);
-    const uint64_t middle = (a & UINT32_MAX) * (b >> 32) + (low >> 32) + (cross & UINT32_MAX);
-    const uint64_t high = (a >> 32) * (b >> 32) + (cross >> 32) + (middle >> 32);
-    const uint64_t rest = (middle << 32) | (low & UINT32_MAX);
-    const uint64_t rounded = rest + ((1u << 29) - (negative ? 1u : 0u));
-    const uint64_t size = ((high + (rounded < rest ? 1 : 0)) << 34) | (rounded >> 30);
-    return negative ? -(int64_t)size : (int64_t)size;
-#endif
+    return fx_wide_shift_30(fx_wide_product(a_q30, b_q30));
 }
 
 #ifdef __cplusplus

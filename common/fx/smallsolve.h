@@ -16,21 +16,26 @@ extern "C" {
 
 #define SMALLSOLVE_MAX 8
 
-/* A = L D L', L with a unit diagonal. The strict lower part holds L, the diagonal D; over_pivot is 1 / D, so
- * that a column costs one division. */
+/* A, and after smallsolve_factor the lower triangle of G in its place: A = G G' (Cholesky). over_q30 is 1 / g_ii.
+ * What lies above the diagonal is nobody's business. */
 struct smallsolve {
-    int64_t at_q30[SMALLSOLVE_MAX][SMALLSOLVE_MAX];
-    int64_t over_pivot_q30[SMALLSOLVE_MAX];
+    int64_t  at_q30[SMALLSOLVE_MAX][SMALLSOLVE_MAX];
+    int64_t  over_q30[SMALLSOLVE_MAX];
     unsigned size;
 };
 
-/* Factors the lower triangle of a_q30 in place. A pivot below floor_q30 (> 0) is raised to it and
- * `smallsolve_factor` says false: the matrix was singular as far as this arithmetic sees; what
- * comes out of a solve is then dominated by the null vector, which is what inverse iteration wants. */
+/* Factors the lower triangle in place. False, and nothing useful is in it, where a pivot (what a_ii keeps of itself
+ * beside the unknowns before it, g_ii^2) is below floor_q30: the matrix is singular as far as is wanted, or not
+ * positive definite; or where a diagonal entry is above 2. floor_q30 is at least SMALLSOLVE_FLOOR_MIN_Q30. */
+#define SMALLSOLVE_FLOOR_MIN_Q30 256
 bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30);
 
-/* Solves L D L' x = b in place. False when a value leaves the range: nothing useful is in x then. */
+/* Solves A x = b in place. False when a value leaves the range: nothing useful is in x then. */
 bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[]);
+
+/* The last two unknowns' block of A^-1: of the one before the last, of both, of the last. At least two unknowns;
+ * values below 2^44 for pivots from 2^-14 on. */
+void smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, int64_t *xy_q30, int64_t *yy_q30);
 
 #ifdef __cplusplus
 }

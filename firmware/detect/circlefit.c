@@ -192,12 +192,10 @@ static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM
 static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
                        const struct smallsolve *factored, int64_t noise_q52, struct mark *mark)
 {
-    /* The last block of (L D L')^-1. */
-    const int64_t lean_q30 = factored->at_q30[7][6];
-    const int64_t yy_q30 = factored->over_pivot_q30[7];
-    const int64_t xy_q30 = -fx_mul_wide_q30(lean_q30, yy_q30);
-    const int64_t xx_q30 =
-        factored->over_pivot_q30[6] - fx_mul_wide_q30(lean_q30, xy_q30);
+    int64_t xx_q30;
+    int64_t xy_q30;
+    int64_t yy_q30;
+    smallsolve_invert_last(factored, &xx_q30, &xy_q30, &yy_q30);
     const int64_t bx = ((int64_t)view->root.xx_px_q16 << 16) / view->size_px_q16;
     const int64_t by = (int64_t)view->root.yx_px_q16 * 65536 / view->size_px_q16;
     const int64_t bz = ((int64_t)view->root.yy_px_q16 << 16) / view->size_px_q16;

@@ -8,6 +8,7 @@
 
 #define WHITE_LIMIT_Q22  ((int64_t)2 << 22)
 #define ITERATIONS       6
+#define PIVOT_MIN_Q30    ((int64_t)1 << 16)
 #define PIVOT_FLOOR_Q30  4
 
 /* px = mean + 2 L w, with L the lower triangular root of the points' covariance. */
@@ -135,8 +136,8 @@ static bool gather_moments(const int32_t x_px_q16[], const int32_t y_px_q16[], u
     return true;
 }
 
-/* M = S1 - S2 S3^-1 S2' in *schur and the rows of S2 S3^-1 in eliminated_q30. */
-static bool eliminate_linear(const struct moments *m, struct smallsolve *schur,
+/* The lower triangle of M = S1 - S2 S3^-1 S2' in schur_q30 and the rows of S2 S3^-1 in eliminated_q30. */
+static bool eliminate_linear(const struct moments *m, int64_t schur_q30[3][3],
                              int64_t eliminated_q30[3][3])
 {
     struct smallsolve linear = {.size = 3};
@@ -149,7 +150,6 @@ static bool eliminate_linear(const struct moments *m, struct smallsolve *schur,
     if (!smallsolve_factor(&linear, (int64_t)1 << 18)) {
         return false;
     }
-    schur->size = 3;
     for (unsigned i = 0; i < 3; i++) {
         if (!smallsolve_solve(&linear, eliminated_q30[i])) {
             return false;
@@ -166,7 +166,7 @@ static bool eliminate_linear(const struct moments *m, struct smallsolve *schur,
             for (unsigned k = 0; k < 3; k++) {
                 sum_q30 -= fx_round_shift_i64(m->mixed_q30[j][k] * (eliminated_q30[i][k] >> 4), 26);
             }
-            schur->at_q30[i][j] = sum_q30;
+            schur_q30[i][j] = sum_q30;
         }
     }
     return true;
@@ -191,22 +191,56 @@ static bool normalise(int64_t v_q30[3])
     return true;
 }
 
-/* The eigenvector of M v = lambda C v for the positive lambda, by v <- M^-1 C v. Each step is scaled by
- * the last pivot of M, the one that vanishes for points on an ellipse: it cancels in the direction. */
-static bool find_conic(struct smallsolve *schur, int64_t v_q30[3])
+/* A symmetric matrix of 3 as L D L', L with a unit diagonal. The last pivot, which vanishes for points on an ellipse,
+ * is raised to PIVOT_FLOOR_Q30. */
+struct factors {
+    int64_t l10_q30; /* at most 4, like the others */
+    int64_t l20_q30;
+    int64_t l21_q30;
+    int64_t d0_q30;  /* at least 2^-14, like the next */
+    int64_t d1_q30;
+    int64_t d2_q30;
+};
+
+/* part / pivot, cut beyond 4. False there. */
+static bool take_factor(int64_t part_q30, int64_t pivot_q30, int64_t *l_q30)
 {
-    (void)smallsolve_factor(schur, PIVOT_FLOOR_Q30);
-    const int64_t l10 = schur->at_q30[1][0];
-    const int64_t l20 = schur->at_q30[2][0];
-    const int64_t l21 = schur->at_q30[2][1];
-    const int64_t last = schur->at_q30[2][2];
-    if (schur->at_q30[0][0] < ((int64_t)1 << 16) || schur->at_q30[1][1] < ((int64_t)1 << 16) ||
-        fx_abs_i64(l10) > ((int64_t)4 << 30) || fx_abs_i64(l20) > ((int64_t)4 << 30) ||
-        fx_abs_i64(l21) > ((int64_t)4 << 30)) {
+    if (pivot_q30 < PIVOT_MIN_Q30 || fx_abs_i64(part_q30) > 4 * pivot_q30) {
         return false;
     }
-    const int64_t ratio0_q30 = fx_div_round(last * ((int64_t)1 << 30), schur->at_q30[0][0]);
-    const int64_t ratio1_q30 = fx_div_round(last * ((int64_t)1 << 30), schur->at_q30[1][1]);
+    *l_q30 = fx_div_round(part_q30 * ((int64_t)1 << 30), pivot_q30);
+    return true;
+}
+
+static bool factor_schur(int64_t m_q30[3][3], struct factors *f)
+{
+    f->d0_q30 = m_q30[0][0];
+    if (!take_factor(m_q30[1][0], f->d0_q30, &f->l10_q30) || !take_factor(m_q30[2][0], f->d0_q30, &f->l20_q30)) {
+        return false;
+    }
+    f->d1_q30 = m_q30[1][1] - fx_mul_q30(f->l10_q30, m_q30[1][0]);
+    const int64_t part21_q30 = m_q30[2][1] - fx_mul_q30(f->l20_q30, m_q30[1][0]);
+    if (!take_factor(part21_q30, f->d1_q30, &f->l21_q30)) {
+        return false;
+    }
+    f->d2_q30 = m_q30[2][2] - fx_mul_q30(f->l20_q30, m_q30[2][0]) - fx_mul_q30(f->l21_q30, part21_q30);
+    f->d2_q30 = f->d2_q30 < PIVOT_FLOOR_Q30 ? PIVOT_FLOOR_Q30 : f->d2_q30;
+    return true;
+}
+
+/* The eigenvector of M v = lambda C v for the positive lambda, by v <- M^-1 C v. Each step is scaled by
+ * the last pivot of M, the one that vanishes for points on an ellipse: it cancels in the direction. */
+static bool find_conic(int64_t schur_q30[3][3], int64_t v_q30[3])
+{
+    struct factors f;
+    if (!factor_schur(schur_q30, &f)) {
+        return false;
+    }
+    const int64_t l10 = f.l10_q30;
+    const int64_t l20 = f.l20_q30;
+    const int64_t l21 = f.l21_q30;
+    const int64_t ratio0_q30 = fx_div_round(f.d2_q30 * ((int64_t)1 << 30), f.d0_q30);
+    const int64_t ratio1_q30 = fx_div_round(f.d2_q30 * ((int64_t)1 << 30), f.d1_q30);
     if (ratio0_q30 > ((int64_t)1 << 30) || ratio1_q30 > ((int64_t)1 << 30)) {
         return false; /* nothing like an ellipse: the residual is as large as the spread */
     }
@@ -319,12 +353,12 @@ bool directfit_ellipse(const int32_t x_px_q16[], const int32_t y_px_q16[], uint3
     }
     struct whitening whitening;
     struct moments moments;
-    struct smallsolve schur;
+    int64_t schur_q30[3][3];
     int64_t eliminated_q30[3][3];
     int64_t conic_q30[3];
     return make_whitening(x_px_q16, y_px_q16, count, &whitening) &&
            gather_moments(x_px_q16, y_px_q16, count, &whitening, &moments) &&
-           eliminate_linear(&moments, &schur, eliminated_q30) &&
-           find_conic(&schur, conic_q30) &&
+           eliminate_linear(&moments, schur_q30, eliminated_q30) &&
+           find_conic(schur_q30, conic_q30) &&
            make_ellipse(conic_q30, eliminated_q30, &whitening, out);
 }

@@ -1,4 +1,4 @@
-/* The wide product as compilers without 128-bit integers build it, against those integers where the compiler has
+/* Wide products and their sums as compilers without 128-bit integers build it, against those integers where the compiler has
  * them: the header is read with their macro hidden. */
 #if defined(__SIZEOF_INT128__)
 #define HAS_INT128
@@ -62,6 +62,24 @@ static void wide_products_are_exact(void)
         TEST_ASSERT_EQUAL_INT64((int64_t)exact, fx_mul_wide_q30(a, b));
     }
 }
+
+/* As a solve takes eight products from a value. */
+static void sums_of_wide_products_are_exact(void)
+{
+    uint64_t seed = 6;
+    for (int i = 0; i < 20000; i++) {
+        const int64_t start = (int64_t)synth_u64(&seed) >> 20;
+        fx_wide sum = fx_wide_product(start, one);
+        exact_int exact = (exact_int)start * one;
+        for (int k = 0; k < 8; k++) {
+            const int64_t a = (int64_t)synth_u64(&seed) >> 32;
+            const int64_t b = (int64_t)synth_u64(&seed) >> (4 + i % 60);
+            sum = fx_wide_difference(sum, fx_wide_product(a, b));
+            exact -= (exact_int)a * b;
+        }
+        TEST_ASSERT_EQUAL_INT64((int64_t)((exact + (1 << 29)) >> 30), fx_wide_shift_30(sum));
+    }
+}
 #endif
 
 int main(void)
@@ -71,6 +89,7 @@ int main(void)
     RUN_TEST(narrow_products_are_those_of_64_bits);
 #if defined(HAS_INT128)
     RUN_TEST(wide_products_are_exact);
+    RUN_TEST(sums_of_wide_products_are_exact);
 #endif
     return UNITY_END();
 }
