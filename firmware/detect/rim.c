@@ -23,9 +23,9 @@
 #define OUTWARDS_MAX_Q16 111411 /* 1.7 */
 /* The first pass, which the second corrects, takes every second row of circles of this size, and of larger ones so
  * many that four or more cross the circle. */
-#define THIN_MIN_PX_Q16 (5 << 16)
+#define THIN_MIN_PX_Q16   245760 /* 3.75 */
 #define THIN_SHARE_PX_Q16 (2 << 16)
-#define THIN_STEP_MAX   6
+#define THIN_STEP_MAX     6
 /* Blur over radius: the circles that are kept stay below (curve.h). */
 #define EPS_MAX_Q16 62259 /* 0.95 */
 /* Peaks narrower than this, in radii, have ended at the rim, so that it does not matter that it cuts them. */
