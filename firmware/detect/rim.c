@@ -222,8 +222,7 @@ static void describe_profile(const struct rim *rim, const struct rim_view *view,
     const int64_t det_q28 = ((peak_q28 * peak_q28) >> 28) + ((peak_q28 * mean_q28) >> 27) +
                             ((blur_q28 * blur_q28) >> 28);
     const int64_t whole_q28 = det_q28 > 0 ? det_q28 : 1;
-    row->peak_n0_q11 = cut(((peak_q28 + mean_q28) << 10) / whole_q28, 16 << 11);
-    row->peak_n1_q11 = cut((blur_q28 << 10) / whole_q28, 16 << 11);
+    rimrow_set_fall(row, ((peak_q28 + mean_q28) << 14) / whole_q28, (blur_q28 << 14) / whole_q28);
     const int64_t width_q28 = (int64_t)root_u64((uint64_t)whole_q28 << 28);
     const int64_t share_q14 = (peak_q28 << 14) / (width_q28 > 0 ? width_q28 : 1);
     const int64_t swing_q15 = ((32768 - rim->edge_q15) * rim->over_rim_q15) >> 15;
@@ -238,14 +237,7 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
                           struct rimrow_view *row)
 {
     const int64_t over_blur_q16 = ((int64_t)view->size_px_q16 << 16) / view->blur_px_q16; /* R / s */
-    const unsigned bits = fx_bits_i64(over_blur_q16);
     *row = (struct rimrow_view){
-        .inverse_q28 = (int32_t)(view->inverse_q24[0] * 16),
-        .inverse_cos_q15 = (int32_t)(view->inverse_q24[1] >> 9),
-        .inverse_sin_q15 = (int32_t)(view->inverse_q24[2] >> 9),
-        .depth_shift = 29 - bits,
-        .depth_q14 = (int32_t)(bits > 16 ? over_blur_q16 >> (bits - 16)
-                                         : over_blur_q16 << (16 - bits)),
         .gap_q11 = (int16_t)cut((view->gap_q16 * over_blur_q16) >> 21, (16 << 11) - 1),
         .band_q14 = band_q14(view),
         .clear_q11 = (view->edges.known ? CLEAR_KNOWN_Q8 : CLEAR_SIGMAS_Q8) * 8,
@@ -253,6 +245,7 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .over_rim = rimrow_gain_of(cut(rim->over_rim_q15, 16 << 15) * (int64_t)(1 << 9)),
         .rest_shift = 5,
     };
+    rimrow_set_shape(row, view->inverse_q24, 2 * view->inverse_q24[0] - ((int64_t)band->alpha_q16 << 8), over_blur_q16);
     describe_profile(rim, view, band, row);
     describe_edges(felt, row);
     if (view->fine) {

@@ -1,7 +1,7 @@
 /* The pixels of a rim, 128 at a time: what each says of the circle, as rows of the Jacobian and what the model
  * leaves over. This is a row kernel (dsp.h); rim.h chooses the pixels and refine.h has the model.
  *
- * Places are computed in 32-bit integers (rimrow_loops.h), the profile in 16-bit ones (rimrow_lanes.h): the same
+ * Radius and direction are computed in 32-bit integers (rimrow_loops.h), all else in 16-bit ones (rimrow_lanes.h): the same
  * operations for every pixel, in vectors of any width with the same results. Ranges: places in the unit frame
  * within rho < 3.5;
  * pixels with rho^2 outside of [1/8, 8) are never kept. */
@@ -10,10 +10,11 @@
 
 #include <stdint.h>
 
+#include "common/fx/fx.h"
 #include "firmware/detect/curve.h"
 
 #define RIMROW_PIXELS 128u
-#define RIMROW_BAND_MAX_Q14 (INT16_MAX - 1) /* 2 blurs */
+#define RIMROW_BAND_MAX_Q14 (INT16_MAX - 16) /* 2 blurs; distances are cut just above */
 #define RIMROW_STEP   16u /* whole multiples are computed */
 #define RIMROW_RAMP   8
 #define RIMROW_EDGES  3u
@@ -56,10 +57,13 @@ static inline struct rimrow_gain rimrow_gain_of(int64_t value_q24)
 
 /* What all pixels of one circle share. */
 struct rimrow_view {
-    int32_t  inverse_q28;      /* (R / h)^2 = i0 + i1 cos 2a + i2 sin 2a, in (1/8, 8) all around */
-    int32_t  inverse_cos_q15;
-    int32_t  inverse_sin_q15;
-    /* t = (1 - rho) (h / R) (R / s). In the band (1 - rho) h / R in Q(24 - depth_shift) is below 2^13. */
+    /* (R / h)^2 = i0 + i1 cos 2a + i2 sin 2a, in (1/8, 8) all around. With `wide` 0 it is below 4 and |i1|, |i2| below 2;
+     * with 1 all of these have a bit less. */
+    int16_t  inverse_q13;
+    int16_t  inverse_cos_q14;
+    int16_t  inverse_sin_q14;
+    uint32_t wide;
+    /* t = (1 - rho) (R / s) (h / R). In the band 1 - rho in Q(24 - depth_shift) is below 23000. */
     uint32_t depth_shift;
     int32_t  depth_q14;        /* (R / s) 2^(depth_shift - 11), in [2, 4) */
     /* Kept are |t| <= band and -t <= max(gap h / R - clear, near), all in blurs. */
@@ -85,8 +89,9 @@ struct rimrow_view {
     int16_t  edge_q14;         /* below 2 */
     int16_t  peak_shown_q15;   /* 2^15 - 1: the peak goes on beyond the rim; 0: it ends there */
     struct rimrow_gain peak;   /* A / phi(0) / 2, for Q15 to become Q14 */
-    int32_t  peak_n0_q11;      /* at most 16, like the next */
-    int32_t  peak_n1_q11;
+    int16_t  peak_n0;          /* below 16, in Q(15 - peak_shift), like the next */
+    int16_t  peak_n1;
+    uint32_t peak_shift;       /* 0..4 */
     uint32_t edge_count;       /* at most RIMROW_EDGES; or RIMROW_GIVEN: as the batch has them */
     uint32_t edge_shift;       /* 2..14: distances stay below 2^18 blurs */
     struct rimrow_edge edges[RIMROW_EDGES];
@@ -108,12 +113,10 @@ struct rimrow_batch {
     int16_t  others_q14[RIMROW_PIXELS];
     int16_t  growth_q14[RIMROW_PIXELS];
     /* Between the kernel's own loops. */
-    int16_t  tau_q14[RIMROW_PIXELS];     /* distance inside the edge, in blurs, cut to 2 */
-    int16_t  y_q14[RIMROW_PIXELS];       /* (R / h)^2 less its mean */
-    int16_t  h_q13[RIMROW_PIXELS];       /* h / R */
+    int16_t  depth_q13[RIMROW_PIXELS];   /* (1 - rho) R / s; Q12 where the view is wide */
+    int16_t  square_q12[RIMROW_PIXELS];  /* rho^2 */
     int16_t  cos_q14[RIMROW_PIXELS];     /* directions */
     int16_t  sin_q14[RIMROW_PIXELS];
-    int16_t  fall_q15[RIMROW_PIXELS];    /* rho^2 (n0 - n1 y) / 8, at most 1 */
     int16_t  apart_q13[RIMROW_EDGES][RIMROW_PIXELS]; /* from edges, in blurs, 0 to 4 */
     int16_t  edge_q14[RIMROW_PIXELS];    /* E */
     int16_t  kept[RIMROW_PIXELS];        /* all bits, or none */
@@ -122,6 +125,34 @@ struct rimrow_batch {
     int16_t  columns[RIMROW_COLUMNS * RIMROW_PIXELS];
     int16_t  octant[RIMROW_PIXELS];      /* 0..7 around the circle; 8 where a pixel is not kept */
 };
+
+/* Fills what tells a pixel's distance: (R / h)^2 from its three numbers, in (1/8, 8) all around, and R / s. */
+static inline void rimrow_set_shape(struct rimrow_view *view, const int64_t inverse_q24[3], int64_t most_q24,
+                                    int64_t over_blur_q16)
+{
+    /* Numbers of 16 bits: just below 4 there is room for roundings. */
+    view->wide = most_q24 > (4 << 24) - (1 << 16) ? 1 : 0;
+    view->inverse_q13 = (int16_t)((inverse_q24[0] >> view->wide) >> 11);
+    view->inverse_cos_q14 = (int16_t)((inverse_q24[1] >> view->wide) >> 10);
+    view->inverse_sin_q14 = (int16_t)((inverse_q24[2] >> view->wide) >> 10);
+    const unsigned bits = fx_bits_i64(over_blur_q16);
+    view->depth_shift = 29 - bits;
+    view->depth_q14 =
+        (int32_t)(bits > 16 ? over_blur_q16 >> (bits - 16) : over_blur_q16 << (16 - bits));
+}
+
+/* Fills how fast the peak falls: n0 - n1 y, which is cut below 16. n0, n1 >= 0. */
+static inline void rimrow_set_fall(struct rimrow_view *view, int64_t n0_q15, int64_t n1_q15)
+{
+    static const int64_t most_q15 = (int64_t)INT16_MAX << 4;
+    const int64_t cut0_q15 = n0_q15 < most_q15 ? n0_q15 : most_q15;
+    const int64_t cut1_q15 = n1_q15 < most_q15 ? n1_q15 : most_q15;
+    const int64_t largest_q15 = cut0_q15 + ((cut1_q15 * CURVE_Y_MAX_Q14) >> 14);
+    const unsigned bits = fx_bits_i64(largest_q15 < most_q15 ? largest_q15 : most_q15);
+    view->peak_shift = bits > 15 ? bits - 15 : 0;
+    view->peak_n0 = (int16_t)(cut0_q15 >> view->peak_shift);
+    view->peak_n1 = (int16_t)(cut1_q15 >> view->peak_shift);
+}
 
 /* Fills what bends the profile from curve_at's terms and eps = s / R, at most 0.99. */
 static inline void rimrow_set_bend(struct rimrow_view *view, const int32_t terms_q14[CURVE_TERMS],

@@ -144,14 +144,46 @@ RIMROW_INLINE RV rimrow_octant(RV cos_q14, RV sin_q14)
                  RV_AND(RV_GT(sin_size, cos_size), RV_SET(4)));
 }
 
+/* h / R in Q13, as 1 / sqrt of (R / h)^2 from 1/8 to 8, in Q13 or, where the view is wide, Q12. It is brought into
+ * [1/2, 2) by powers of 4. */
+RIMROW_INLINE RV rimrow_over_root_q13(const struct rimrow_view *view, RV v_q13)
+{
+    const RV low = RV_GT(RV_SET((1 << 12) >> view->wide), v_q13);
+    const RV high = RV_GT(v_q13, RV_SET(((1 << 14) >> view->wide) - 1));
+    const RV middle = RV_ANDNOT(RV_OR(low, high), RV_SHL(v_q13, 1 + view->wide));
+    const RV n_q14 = RV_OR(RV_OR(RV_AND(low, RV_SHL(v_q13, 3 + view->wide)), middle),
+                           RV_AND(high, RV_SHR(v_q13, 1 - view->wide)));
+    const RV root_q14 =
+        rimrow_horner(rimrow_over_root_q14, 7, RV_SHL(RV_SUB(n_q14, RV_SET(5 << 12)), 1));
+    const RV half_q14 = RV_SHR(RV_ADD(root_q14, RV_SET(1)), 1);
+    const RV quarter_q14 = RV_SHR(RV_ADD(root_q14, RV_SET(2)), 2);
+    return RV_OR(RV_OR(RV_AND(low, root_q14), RV_AND(high, quarter_q14)),
+                 RV_ANDNOT(RV_OR(low, high), half_q14));
+}
+
+/* A value within +-limit. */
+RIMROW_INLINE RV rimrow_within(RV value, int32_t limit)
+{
+    return RV_MAX(RV_MIN(value, RV_SET(limit)), RV_SET(-limit));
+}
+
 /* The columns but for the rest; the profile itself is kept for that. Pixels whose numbers leave the range are no
  * longer kept. */
 RIMROW_INLINE void rimrow_profile(const struct rimrow_view *view, unsigned edge_count,
                                   struct rimrow_batch *batch, unsigned i)
 {
-    const RV h_q13 = RV_LOAD(batch->h_q13 + i);
-    const RV tau_q14 = RV_LOAD(batch->tau_q14 + i);
-    const RV bent_q13 = rimrow_bend_q13(view, tau_q14, RV_LOAD(batch->y_q14 + i), h_q13);
+    /* The direction's double angle, and the distance from the edge. */
+    const RV cos_q14 = RV_LOAD(batch->cos_q14 + i);
+    const RV sin_q14 = RV_LOAD(batch->sin_q14 + i);
+    const RV cos2_q14 = RV_SHL(RV_SUB(RV_MULR(cos_q14, cos_q14), RV_MULR(sin_q14, sin_q14)), 1);
+    const RV sin2_q14 = RV_SHL(RV_MULR(cos_q14, sin_q14), 2);
+    const RV swing_q13 = RV_ADD(RV_MULR(cos2_q14, RV_SET(view->inverse_cos_q14)),
+                                RV_MULR(sin2_q14, RV_SET(view->inverse_sin_q14)));
+    const RV y_q14 = RV_SHL(rimrow_within(swing_q13, CURVE_Y_MAX_Q14 >> (1 + view->wide)), 1 + view->wide);
+    const RV h_q13 = rimrow_over_root_q13(view, RV_ADD(swing_q13, RV_SET(view->inverse_q13)));
+    const RV tau_q11 = rimrow_within(RV_MULR(RV_LOAD(batch->depth_q13 + i), h_q13), INT16_MAX >> (3 + view->wide));
+    const RV tau_q14 = RV_SHL(tau_q11, 3 + view->wide);
+    const RV bent_q13 = rimrow_bend_q13(view, tau_q14, y_q14, h_q13);
 
     /* The edge, and its slope. */
     const RV t_q13 = RV_MAX(RV_MIN(bent_q13, RV_SET(RIMROW_ROOT8_Q13)), RV_SET(-RIMROW_ROOT8_Q13));
@@ -163,8 +195,10 @@ RIMROW_INLINE void rimrow_profile(const struct rimrow_view *view, unsigned edge_
     const RV slope_q14 = RV_MULR(bell_q15, swing_q14);
 
     /* The peak inside: the blurred Gaussian of the circle, which is not cut at its rim. */
-    const RV peak_q14 =
-        rimrow_scaled(&view->peak, rimrow_falling_q15(RV_LOAD(batch->fall_q15 + i)));
+    const RV narrow = RV_MAX(RV_SUBS(RV_SET(view->peak_n0), RV_SHL(RV_MULR(RV_SET(view->peak_n1), y_q14), 1)),
+                             RV_SET(0));
+    const RV fall = RV_MIN(RV_MULR(RV_LOAD(batch->square_q12 + i), narrow), RV_SET(INT16_MAX >> view->peak_shift));
+    const RV peak_q14 = rimrow_scaled(&view->peak, rimrow_falling_q15(RV_SHL(fall, view->peak_shift)));
     const RV shown_q15 = RV_MAX(phi_q15, RV_SET(view->peak_shown_q15));
     RV edge_q14 = RV_ADDS(RV_MULR(phi_q15, swing_q14), RV_MULR(peak_q14, shown_q15));
     RV blur_q12 = RV_SUB(RV_SET(0), RV_MULR(t_q13, slope_q14));
@@ -184,15 +218,11 @@ RIMROW_INLINE void rimrow_profile(const struct rimrow_view *view, unsigned edge_
 
     const RV push_q12 =
         RV_AND(RV_MIN(RV_MULR(slope_q14, h_q13), RV_SET(RIMROW_LIMIT_Q12)), kept);
-    const RV cos_q14 = RV_LOAD(batch->cos_q14 + i);
-    const RV sin_q14 = RV_LOAD(batch->sin_q14 + i);
-    const RV cos2_q13 = RV_SUB(RV_MULR(cos_q14, cos_q14), RV_MULR(sin_q14, sin_q14));
-    const RV sin2_q14 = RV_SHL(RV_MULR(cos_q14, sin_q14), 2);
     int16_t *at = batch->columns + i;
     RV_STORE(at + 0 * RIMROW_PIXELS, RV_MULR(push_q12, cos_q14));
     RV_STORE(at + 1 * RIMROW_PIXELS, RV_MULR(push_q12, sin_q14));
     RV_STORE(at + 2 * RIMROW_PIXELS, RV_SHR(RV_ADD(push_q12, RV_SET(1)), 1));
-    RV_STORE(at + 3 * RIMROW_PIXELS, RV_MULR(push_q12, RV_SHL(cos2_q13, 1)));
+    RV_STORE(at + 3 * RIMROW_PIXELS, RV_MULR(push_q12, cos2_q14));
     RV_STORE(at + 4 * RIMROW_PIXELS, RV_MULR(push_q12, sin2_q14));
     RV_STORE(at + 5 * RIMROW_PIXELS, RV_AND(RV_SET(1 << 11), kept));
     RV_STORE(at + 6 * RIMROW_PIXELS, RV_AND(RV_SHR(RV_ADDS(edge_q14, RV_SET(4)), 3), kept));

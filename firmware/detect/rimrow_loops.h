@@ -62,7 +62,7 @@ RIMROW_INLINE int32_t rimrow_inverse_root_q15(int32_t x_q28)
     return root_q15 - ((root_q15 >> 1) & high);
 }
 
-/* A pixel's place: how far from the edge, in which direction, and whether it is looked at. */
+/* A pixel's place: how far from the unit circle, in which direction, and whether it is looked at. */
 RIMROW_INLINE void rimrow_place(const struct rimrow_view *view, unsigned edge_count,
                                 struct rimrow_batch *batch, unsigned i)
 {
@@ -72,38 +72,19 @@ RIMROW_INLINE void rimrow_place(const struct rimrow_view *view, unsigned edge_co
         (uint32_t)p_q14 * (uint32_t)p_q14 + (uint32_t)q_q14 * (uint32_t)q_q14;
     int32_t kept = ~((int32_t)whole_q28 >> 31) & ~rimrow_below((int32_t)(whole_q28 >> 1), 1 << 24);
     const int32_t square_q28 = ((int32_t)whole_q28 & kept) | (1 << 28 & ~kept);
+    batch->square_q12[i] = (int16_t)(square_q28 >> 16);
 
-    /* Directions: cos and sin of the single and double angle. */
     const int32_t over_q15 = rimrow_inverse_root_q15(square_q28);
-    const int32_t cos_q14 = ((p_q14 & kept) * over_q15) >> 15;
-    const int32_t sin_q14 = ((q_q14 & kept) * over_q15) >> 15;
-    const int32_t cos2_q14 = (cos_q14 * cos_q14 - sin_q14 * sin_q14) >> 14;
-    const int32_t sin2_q14 = (cos_q14 * sin_q14) >> 13;
-    batch->cos_q14[i] = (int16_t)cos_q14;
-    batch->sin_q14[i] = (int16_t)sin_q14;
+    batch->cos_q14[i] = (int16_t)(((p_q14 & kept) * over_q15) >> 15);
+    batch->sin_q14[i] = (int16_t)(((q_q14 & kept) * over_q15) >> 15);
 
     /* rho = rho^2 / rho, and another step of Newton's for its last digits. */
     const int32_t rough_q14 = ((square_q28 >> 14) * over_q15) >> 15;
     const int32_t miss_q24 =
         (int32_t)((uint32_t)square_q28 - (uint32_t)rough_q14 * (uint32_t)rough_q14) >> 4;
     const int32_t rho_q24 = rough_q14 * 1024 + ((miss_q24 * over_q15) >> 16);
-
-    /* Distance inside the edge, in blurs. */
-    const int32_t swing_q29 =
-        view->inverse_cos_q15 * cos2_q14 + view->inverse_sin_q15 * sin2_q14;
-    const int32_t h_q14 = rimrow_inverse_root_q15(view->inverse_q28 + (swing_q29 >> 1)) >> 1;
-    const int32_t y_q14 = rimrow_cut(swing_q29 >> 15, CURVE_Y_MAX_Q14);
     const int32_t depth = rimrow_cut(((1 << 24) - rho_q24) >> view->depth_shift, 23000);
-    const int32_t along = rimrow_cut((depth * h_q14) >> 14, 16383);
-    const int32_t far_q14 = (along * view->depth_q14) >> 13;
-    batch->tau_q14[i] = (int16_t)rimrow_cut(far_q14, INT16_MAX);
-    batch->h_q13[i] = (int16_t)(h_q14 >> 1);
-    batch->y_q14[i] = (int16_t)y_q14;
-
-    const int32_t n_q11 =
-        rimrow_most(view->peak_n0_q11 - ((view->peak_n1_q11 * y_q14) >> 14), 0);
-    batch->fall_q15[i] =
-        (int16_t)rimrow_least((int32_t)(((uint32_t)(square_q28 >> 17) * (uint32_t)n_q11) >> 10), INT16_MAX);
+    batch->depth_q13[i] = (int16_t)rimrow_cut((depth * view->depth_q14) >> (14 + view->wide), INT16_MAX);
 
     for (unsigned k = 0; k < edge_count && edge_count <= RIMROW_EDGES; k++) {
         const struct rimrow_edge *at = &view->edges[k];

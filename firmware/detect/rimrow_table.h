@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 static const int32_t rimrow_root_q15[5] = {29309, -11359, 6764, -7078, 5049};
+static const int16_t rimrow_over_root_q14[8] = {14653, -5861, 3562, -2379, 1263, -894, 1798, -1351};
 static const int16_t rimrow_bell_q15[7] = {1769, -3544, 3540, -2316, 1169, -556, 178};
 static const int16_t rimrow_step_q15[7] = {15639, -6051, 2769, -1120, 395, -136, 36};
 static const int16_t rimrow_fourth_q15[6] = {9581, -9580, 4783, -1596, 420, -83};

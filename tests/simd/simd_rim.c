@@ -47,13 +47,10 @@ static double random_shape(struct rimrow_view *view)
     const double alpha = random_u64() % 8 == 0 ? 0.126 : 0.126 + 0.874 * share();
     const double swing = (1 / alpha - alpha) / 2;
     const double turn = 6.283185307179586 * share();
-    view->inverse_q28 = (int32_t)((alpha + 1 / alpha) / 2 * 268435456);
-    view->inverse_cos_q15 = (int32_t)(swing * cos(turn) * 32768);
-    view->inverse_sin_q15 = (int32_t)(swing * sin(turn) * 32768);
+    const int64_t inverse_q24[3] = {(int64_t)((alpha + 1 / alpha) / 2 * 16777216),
+                                    (int64_t)(swing * cos(turn) * 16777216), (int64_t)(swing * sin(turn) * 16777216)};
     const double over_blur = exp(share() * log(4000.0)); /* R / s */
-    const int bits = (int)floor(log2(over_blur)) + 17;
-    view->depth_shift = (uint32_t)(29 - bits);
-    view->depth_q14 = (int32_t)(ldexp(over_blur, 32 - bits));
+    rimrow_set_shape(view, inverse_q24, (int64_t)(16777216 / alpha), (int64_t)(65536 * over_blur));
     const int64_t eps_q16 = (int64_t)(65535 / over_blur);
     int32_t curve_q14[CURVE_TERMS];
     curve_at(eps_q16, (int64_t)(alpha * 65536), curve_q14);
@@ -78,8 +75,6 @@ static struct rimrow_view random_view(unsigned round, double *eps)
         .rest_shift = round / 4 % 2 != 0 ? 5 : 0,
         .edge_q14 = (int16_t)within(0, (2 << 14) - 1),
         .peak = rimrow_gain_of(within(0, 40 << 24)),
-        .peak_n0_q11 = within(0, 16 << 11),
-        .peak_n1_q11 = within(0, 16 << 11),
         .peak_shown_q15 = random_u64() % 2 != 0 ? INT16_MAX : 0,
         .edge_count = round % (RIMROW_GIVEN + 1),
         .edge_shift = (uint32_t)within(2, 14),
@@ -97,6 +92,7 @@ static struct rimrow_view random_view(unsigned round, double *eps)
             around ? within(0, 8 << 11) : within(-(1 << 22), 1 << 22),
             within(-(1 << 14), 1 << 14), within(-(1 << 14), 1 << 14)};
     }
+    rimrow_set_fall(&view, within(0, 16 << 15), within(0, 16 << 15));
     *eps = random_shape(&view);
     return view;
 }

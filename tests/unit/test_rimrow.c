@@ -52,10 +52,6 @@ static struct rim_case make_case(double alpha, double turn, double over_blur)
     const double swing = (1 / alpha - alpha) / 2;
     struct rim_case of = {.eps = fmin(0.99, 1 / over_blur)};
     of.view = (struct rimrow_view){
-        .inverse_q28 = (int32_t)lround((alpha + 1 / alpha) / 2 * 268435456),
-        .inverse_cos_q15 = (int32_t)lround(swing * cos(turn) * 32768),
-        .inverse_sin_q15 = (int32_t)lround(swing * sin(turn) * 32768),
-        .depth_shift = 12 - (uint32_t)floor(log2(over_blur)),
         .gap_q11 = (16 << 11) - 1,
         .band_q14 = RIMROW_BAND_MAX_Q14,
         .clear_q11 = 307 * 8,
@@ -65,7 +61,9 @@ static struct rim_case make_case(double alpha, double turn, double over_blur)
         .edge_q14 = 1 << 14,
         .edge_shift = 10,
     };
-    of.view.depth_q14 = (int32_t)lround(ldexp(over_blur, (int)of.view.depth_shift + 3));
+    const int64_t inverse_q24[3] = {llround((alpha + 1 / alpha) / 2 * 16777216), llround(swing * cos(turn) * 16777216),
+                                    llround(swing * sin(turn) * 16777216)};
+    rimrow_set_shape(&of.view, inverse_q24, llround(16777216 / alpha), llround(65536 * over_blur));
     curve_at(llround(of.eps * 65536), llround(alpha * 65536), of.curve_q14);
     rimrow_set_bend(&of.view, of.curve_q14, llround(of.eps * 65536));
     set_over_rim(&of, 1);
@@ -90,6 +88,12 @@ struct row {
     double at[RIMROW_COLUMNS];
 };
 
+/* i1 cos 2a + i2 sin 2a. */
+static double inverse_swing(const struct rimrow_view *view, double cos2, double sin2)
+{
+    return ldexp(view->inverse_cos_q14 * cos2 + view->inverse_sin_q14 * sin2, (int)view->wide - 14);
+}
+
 static struct place place_of(const struct rimrow_view *view, int32_t p_q14, int32_t q_q14)
 {
     struct place at;
@@ -101,8 +105,8 @@ static struct place place_of(const struct rimrow_view *view, int32_t p_q14, int3
     at.sin1 = q / rho;
     at.cos2 = at.cos1 * at.cos1 - at.sin1 * at.sin1;
     at.sin2 = 2 * at.cos1 * at.sin1;
-    at.y = (view->inverse_cos_q15 * at.cos2 + view->inverse_sin_q15 * at.sin2) / 32768;
-    at.h = 1 / sqrt(view->inverse_q28 / 268435456.0 + at.y);
+    at.y = inverse_swing(view, at.cos2, at.sin2);
+    at.h = 1 / sqrt(ldexp(view->inverse_q13, (int)view->wide - 13) + at.y);
     at.tau = (1 - rho) * at.h * ldexp(view->depth_q14, -3 - (int)view->depth_shift);
     for (unsigned k = 0; k < view->edge_count; k++) {
         at.apart[k] = view->edges[k].t0_q11 / 2048.0 +
@@ -140,7 +144,8 @@ static struct row row_of(const struct rim_case *of, const struct place *at, doub
 {
     const struct rimrow_view *view = &of->view;
     const double edge = view->edge_q14 / 16384.0;
-    const double n = fmax(0, (view->peak_n0_q11 - view->peak_n1_q11 * at->y) / 2048);
+    const double y = fmax(-CURVE_Y_MAX_Q14, fmin(CURVE_Y_MAX_Q14, at->y * 16384)) / 16384;
+    const double n = fmax(0, ldexp(view->peak_n0 - view->peak_n1 * y, (int)view->peak_shift - 15));
     const double peak = of->peak * exp(-fmin(8, at->square * n));
     double e = edge * normal(t) + peak * fmax(normal(t), view->peak_shown_q15 / 32767.0);
     double blur = -t * edge * bell(t);
@@ -177,14 +182,17 @@ static struct slack slack_of(const struct rim_case *of, const struct place *at)
     const double single = 4e-5 + 0x1p-14;
     const double doubled = 2 * sqrt(2) * single + 0x1p-14;
     off.direction = doubled + 0x1p-13;
-    const double swing = hypot(view->inverse_cos_q15, view->inverse_sin_q15) / 32768;
-    off.y = swing * doubled + 0x1p-14;
-    off.h = at->h * at->h * at->h / 2 * off.y + 4e-5 * at->h + 0x1p-14 + 0x1p-13;
-    /* 1 - rho is cut to Q24 and by depth_shift, its product with h again, that with R / s to Q14. */
+    const double swing = ldexp(hypot(view->inverse_cos_q14, view->inverse_sin_q14), (int)view->wide - 14);
+    const double digit = ldexp(1, (int)view->wide - 13); /* the last one of (R / h)^2 */
+    off.y = swing * off.direction + digit;
+    /* 1 / sqrt by a polynomial good to 8e-5 with 8 terms and 7 products, each rounded to Q14, of what is at least a
+     * half; then Q13. */
+    off.h = at->h * at->h * at->h / 2 * off.y + (8e-5 + 15 * 0x1p-15) * at->h + 0x1p-14;
+    /* 1 - rho is cut to Q24 and by depth_shift, its product with R / s to Q13 or Q12, that with h rounded to Q11 or
+     * Q10. */
     const double over_blur = ldexp(view->depth_q14, -3 - (int)view->depth_shift);
     const double unit = ldexp(1, (int)view->depth_shift - 24);
-    off.tau = over_blur * ((unit + 4 * 0x1p-24) * at->h + unit) + fabs(at->tau) / at->h * off.h +
-              0x1p-13;
+    off.tau = (over_blur * (unit + 4 * 0x1p-24) + digit) * at->h + fabs(at->tau) / at->h * off.h + 2 * digit;
     /* Coefficients and each product of Horner's rule are rounded to Q11, so that a cubic errs by twice
      * (1 + y/2 + ...) halves of that, and the sum by (1 + tau/2 + ...) times that and one more. Then comes the product
      * with eps h, rounded to Q15 by the shift, to Q13 by the shift, and half of tau. */
@@ -223,6 +231,11 @@ static struct row tolerance_of(const struct rim_case *of, const struct place *at
      * to 1.42, and its last digit is of Q14. */
     const double bell_off = 3.1e-5 + 13 * 0x1p-16 + 5e-5;
     const double edge_off = 1.42 * (13 * 0x1p-16 + 5e-6) + 5e-5 + 0x1p-14;
+    /* n has y's error times n1 and its own last digits; rho^2, cut to Q12, times n below 16 is rounded to Q12 and more
+     * where n is large. */
+    const double narrow_off = ldexp(view->peak_n1, (int)view->peak_shift - 15) * off->y +
+                              3 * ldexp(1, (int)view->peak_shift - 15);
+    const double exponent_off = at->square * narrow_off + ldexp(1, (int)view->peak_shift - 13) + 16 * 0x1p-12;
     /* What falls: a polynomial of 6 terms to the fourth, 4 times 0.8^3 of its error at most. The tail is that times
      * Mills' ratio, which is off by 6e-4 and 15 halves of Q14, of at most 0.4; then Q14. */
     const double fall_off = 4 * 0.512 * (1.5e-5 + 11 * 0x1p-16) + 4 * 0x1p-16;
@@ -235,7 +248,7 @@ static struct row tolerance_of(const struct rim_case *of, const struct place *at
     }
     /* Gains end in Q14, from a mantissa of Q15, by their shift. */
     const double unit = 0x1p-14 * (ldexp(1, view->peak.up) + ldexp(1, view->over_rim.up) + 2);
-    const double e_off = edge_off * (edge + of->peak) + of->peak * fall_off / 0.3989 +
+    const double e_off = edge_off * (edge + of->peak) + of->peak * (fall_off / 0.3989 + exponent_off) +
                          tail_off * others + unit;
     most.at[6] += 2048 * e_off + 0.5;
     most.at[7] += 2048 * (bell_off * 2 * edge + 4 * fall_off * others + 2 * unit) + 1;
@@ -311,9 +324,8 @@ static void check_view(const struct rim_case *of, uint64_t *seed)
     const struct rimrow_view *view = &of->view;
     for (unsigned i = 0; i < RIMROW_PIXELS; i++) {
         const double angle = within(seed, 0, 2 * SYNTH_PI);
-        const double v = view->inverse_q28 / 268435456.0 +
-                         (view->inverse_cos_q15 * cos(2 * angle) +
-                          view->inverse_sin_q15 * sin(2 * angle)) / 32768;
+        const double v = ldexp(view->inverse_q13, (int)view->wide - 13) +
+                         inverse_swing(view, cos(2 * angle), sin(2 * angle));
         const double rho =
             1 + within(seed, -2.5, 2.5) * of->eps * sqrt(v);
         const double cut = fmax(0.05, fmin(3.49, rho));
@@ -365,8 +377,8 @@ static void peaks_and_neighbouring_edges_are_in_the_profile(void)
         struct rim_case of = make_case(within(&seed, 0.4, 1), within(&seed, 0, 6.3), over_blur);
         of.view.edge_q14 = (int16_t)within(&seed, 6000, 16384);
         set_peak(&of, within(&seed, 0, 0.9));
-        of.view.peak_n0_q11 = (int32_t)(2048 * within(&seed, 0.5, 4));
-        of.view.peak_n1_q11 = (int32_t)(2048 * within(&seed, 0, 0.3));
+        const double n0 = within(&seed, 0.5, 4);
+        rimrow_set_fall(&of.view, llround(32768 * n0), llround(32768 * within(&seed, 0, 0.3)));
         of.view.peak_shown_q15 = round % 2 ? INT16_MAX : 0;
         set_over_rim(&of, within(&seed, 1, 1.5));
         of.view.edge_count = round % (RIMROW_EDGES + 1);
@@ -467,8 +479,7 @@ static void extremes_of_the_ranges_do_not_overflow(void)
         view.rest_shift = round % 2 ? 0 : 5;
         view.edge_q14 = (int16_t)any(&seed, 0, (2 << 14) - 1);
         view.peak = rimrow_gain_of(any(&seed, 0, 40 << 24));
-        view.peak_n0_q11 = any(&seed, 0, 16 << 11);
-        view.peak_n1_q11 = any(&seed, 0, 16 << 11);
+        rimrow_set_fall(&view, any(&seed, 0, 17 << 15), any(&seed, 0, 17 << 15));
         view.peak_shown_q15 = round % 2 ? INT16_MAX : 0;
         view.edge_count = round % (RIMROW_EDGES + 1);
         view.edge_shift = (uint32_t)any(&seed, 2, 14);

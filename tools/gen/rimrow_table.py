@@ -6,7 +6,9 @@
 Each goes through the function at the Chebyshev nodes of its interval, which is within a small factor of the
 best polynomial of its degree. Errors, of the polynomials alone:
   root   1 / sqrt(n) on [1/2, 2], by n - 5/4:                        2.7e-3 before one Newton step, 1.1e-5 after
-In 16-bit lanes, by w in [-1, 1]:
+In 16-bit lanes:
+  over_root  1 / sqrt(n) on [1/2, 2], by n - 5/4, in Q14:            8e-5
+by w in [-1, 1]:
   bell   phi(t) on |t| <= sqrt(8), by w = t^2 / 4 - 1:               3.1e-5
   step   2 (Phi(t) - 1/2) / t, by the same w:                        5e-6
   fourth (phi(0) exp(-8 v))^(1/4) on [0, 1], by w = 2 v - 1:         1.5e-5
@@ -30,6 +32,7 @@ def half_step(t):
 
 POLYNOMIALS = [  # name, C type, bits, degree, from, to, function
     ("rimrow_root", "int32_t", 15, 4, -0.75, 0.75, lambda y: 1 / math.sqrt(y + 1.25)),
+    ("rimrow_over_root", "int16_t", 14, 7, -0.75, 0.75, lambda y: 1 / math.sqrt(y + 1.25)),
     ("rimrow_bell", "int16_t", 15, 6, -1.0, 1.0, lambda w: phi(math.sqrt(4 + 4 * w))),
     ("rimrow_step", "int16_t", 15, 6, -1.0, 1.0, lambda w: half_step(math.sqrt(4 + 4 * w))),
     ("rimrow_fourth", "int16_t", 15, 5, -1.0, 1.0, lambda w: phi(0)**0.25 * math.exp(-1 - w)),
