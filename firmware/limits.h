@@ -37,7 +37,7 @@ static inline uint32_t limit_points(uint32_t width_px, uint32_t height_px)
     return share + 4u * width_px + 2u * LIMIT_CONTOUR_POINTS;
 }
 
-/* Ellipses a frame: 40 bytes each. A circle of radius 3 px has a patch of 58 px side to itself and
+/* Ellipses a frame: 24 bytes each. A circle of radius 3 px has a patch of 58 px side to itself and
  * twelve others: one feature on 260 px. */
 static inline uint32_t limit_ellipses(uint32_t width_px, uint32_t height_px)
 {

@@ -11,6 +11,7 @@ detect_SRC := \
   firmware/detect/chains.c \
   firmware/detect/arcs.c \
   firmware/detect/ellipse.c \
+  firmware/detect/areafit.c \
   firmware/detect/directfit.c \
   firmware/detect/refit.c \
   firmware/detect/ellipses.c \

@@ -133,10 +133,10 @@ static void scan(struct pipeline *pipeline, struct steer *steer, const struct fr
 }
 
 /* Ellipses to named patches. */
-static void name(struct pipeline *pipeline, const struct steer *steer, uint64_t *since)
+static void name(struct pipeline *pipeline, uint64_t *since)
 {
-    marks_classify(&pipeline->ellipses, steer->taps->sigma_px_q16,
-                   patches_size_ratio_q8(pipeline->settings.patches.levels), &pipeline->marks);
+    marks_classify(&pipeline->ellipses, patches_size_ratio_q8(pipeline->settings.patches.levels),
+                   &pipeline->marks);
     book(pipeline, PIPELINE_MARKS, since);
     patches_decode(&pipeline->marks, &pipeline->patches);
     book(pipeline, PIPELINE_PATCHES, since);
@@ -176,7 +176,7 @@ static bool run_halved(struct pipeline *pipeline, const struct frame_view *frame
         return false;
     }
     scan(pipeline, &pipeline->half, frame, since);
-    name(pipeline, &pipeline->half, since);
+    name(pipeline, since);
     const uint32_t cells = survey_left(&pipeline->survey);
     survey_explain(&pipeline->survey, &pipeline->patches, &pipeline->marks);
     if (pipeline_truncated(pipeline) != 0 ||
@@ -201,7 +201,7 @@ void pipeline_run(struct pipeline *pipeline, const struct frame_view *frame)
     pipeline->seen_in_full = !run_halved(pipeline, frame, &since);
     if (pipeline->seen_in_full) {
         scan(pipeline, &pipeline->steer, frame, &since);
-        name(pipeline, &pipeline->steer, &since);
+        name(pipeline, &since);
         complete(pipeline, &pipeline->steer, frame, &since);
     }
 }

@@ -2,7 +2,9 @@
 #include "firmware/detect/ellipses.h"
 
 #include "common/fx/fx.h"
+#include "firmware/detect/areafit.h"
 #include "firmware/detect/directfit.h"
+#include "firmware/detect/refit.h"
 #include "firmware/limits.h"
 
 /* The most points that a fit is given. */
@@ -33,17 +35,22 @@ static unsigned count_sectors(uint16_t sectors)
     return (unsigned)__builtin_popcount(sectors);
 }
 
-static bool is_good(const struct ellipses_item *item)
+/* The smaller eigenvalue of S, the squared minor axis, is at least t where S - t I is positive semidefinite; the
+ * larger is what it leaves of the trace. */
+static bool is_good(const struct ellipse *e, int64_t residual_px2_q12)
 {
-    uint32_t major_px_q16;
-    uint32_t minor_px_q16;
-    uint16_t angle;
-    ellipse_axes(&item->ellipse, &major_px_q16, &minor_px_q16, &angle);
-    return minor_px_q16 >= ELLIPSES_MINOR_MIN_PX_Q16 &&
-           minor_px_q16 >= major_px_q16 / ELLIPSES_AXIS_RATIO_MIN &&
-           item->quality.residual_px_q16 <= ELLIPSES_RESIDUAL_MAX_PX_Q16 &&
-           item->quality.residual_px_q16 <= minor_px_q16 / ELLIPSES_RESIDUAL_SHARE &&
-           count_sectors(item->quality.sectors) >= ELLIPSES_SECTORS_MIN;
+    if (residual_px2_q12 > ELLIPSES_RESIDUAL_MAX_PX2_Q12) {
+        return false;
+    }
+    const int64_t trace_q12 = (int64_t)e->shape_xx_px2_q12 + e->shape_yy_px2_q12;
+    int64_t least_q12 = trace_q12 / (ELLIPSES_AXIS_RATIO_MIN * ELLIPSES_AXIS_RATIO_MIN + 1);
+    least_q12 = least_q12 > ELLIPSES_MINOR_MIN_PX2_Q12 ? least_q12 : ELLIPSES_MINOR_MIN_PX2_Q12;
+    const int64_t share_q12 = residual_px2_q12 * (ELLIPSES_RESIDUAL_SHARE * ELLIPSES_RESIDUAL_SHARE);
+    least_q12 = least_q12 > share_q12 ? least_q12 : share_q12;
+    const int64_t xx_q12 = e->shape_xx_px2_q12 - least_q12;
+    const int64_t yy_q12 = e->shape_yy_px2_q12 - least_q12;
+    return xx_q12 >= 0 && yy_q12 >= 0 &&
+           xx_q12 * yy_q12 >= (int64_t)e->shape_xy_px2_q12 * e->shape_xy_px2_q12;
 }
 
 /* Clockwise on the image around the centre: the sum of the triangles' signed areas. Offsets in Q4 are
@@ -84,31 +91,59 @@ static void thin_points(const int32_t x_px_q16[], const int32_t y_px_q16[], uint
     }
 }
 
-/* Adds the ellipse through these points to the list, if there is a good one. True also where there is no room: it is
- * of no use to try parts of them. */
+/* Books a fit. False, and reported, where there is no room for it or for what comes of it. */
+static bool may_fit(struct ellipses *ellipses)
+{
+    if (ellipses->count == ellipses->size || ellipses->fits == ellipses->fits_max) {
+        ellipses->truncated = true;
+        return false;
+    }
+    ellipses->fits++;
+    return true;
+}
+
+/* Adds the ellipse that a closed contour is, if it is a good one. True also where there is no room: it is of no use to
+ * try parts of it. */
+static bool try_whole(struct ellipses *ellipses, const struct contour *contour)
+{
+    struct areafit fit;
+    if (contour->count < ELLIPSES_POINTS_MIN) {
+        return false;
+    }
+    if (!may_fit(ellipses)) {
+        return true;
+    }
+    if (!areafit_ellipse(contour->x_px_q16, contour->y_px_q16, contour->count, &fit) ||
+        !is_good(&fit.ellipse, fit.residual_px2_q12)) {
+        return false;
+    }
+    ellipses->at[ellipses->count++] = (struct ellipses_item){
+        .ellipse = fit.ellipse,
+        .gradient_mean_q3 = contour->gradient_mean_q3,
+        .white = fit.clockwise,
+    };
+    return true;
+}
+
+/* The same for points of an arc, or of several whose colour is known. */
 static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
                        const int32_t y_px_q16[], uint32_t count, uint16_t gradient_mean_q3,
                        bool white_known, bool white)
 {
-    struct ellipses_item item = {
-        .points = (uint16_t)count,
-        .gradient_mean_q3 = gradient_mean_q3,
-    };
+    struct ellipses_item item = {.gradient_mean_q3 = gradient_mean_q3};
+    struct refit_quality quality;
     struct thinned thinned;
     if (count < ELLIPSES_POINTS_MIN) {
         return false;
     }
-    /* What has no room is not fitted either. */
-    if (ellipses->count == ellipses->size || ellipses->fits == ellipses->fits_max) {
-        ellipses->truncated = true;
+    if (!may_fit(ellipses)) {
         return true;
     }
     thin_points(x_px_q16, y_px_q16, count, &thinned);
-    ellipses->fits++;
     if (!directfit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse) ||
-        !refit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse,
-                       &item.quality) ||
-        !is_good(&item)) {
+        !refit_ellipse(thinned.x_px_q16, thinned.y_px_q16, thinned.count, &item.ellipse, &quality) ||
+        count_sectors(quality.sectors) < ELLIPSES_SECTORS_MIN ||
+        !is_good(&item.ellipse, ((int64_t)quality.residual_px_q16 * quality.residual_px_q16) >> 20)) {
         return false;
     }
     item.white = white_known ? white : turns_clockwise(x_px_q16, y_px_q16, count, &item.ellipse);
@@ -157,8 +192,7 @@ static void add_arcs(struct ellipses *ellipses, struct contour *contour)
             }
             const int32_t *x = contour->x_px_q16 + runs[i].first;
             const int32_t *y = contour->y_px_q16 + runs[i].first;
-            if (try_points(ellipses, x, y, runs[i].count, contour->gradient_mean_q3, false,
-                           false)) {
+            if (try_points(ellipses, x, y, runs[i].count, contour->gradient_mean_q3, false, false)) {
                 found = true;
             } else if (step == arc_steps[1]) {
                 arcs_keep(&ellipses->arcs, x, y, runs[i].count, contour->gradient_mean_q3);
@@ -172,12 +206,9 @@ static void add_arcs(struct ellipses *ellipses, struct contour *contour)
 
 void ellipses_add(struct ellipses *ellipses, struct contour *contour)
 {
-    if (contour->closed &&
-        try_points(ellipses, contour->x_px_q16, contour->y_px_q16, contour->count,
-                   contour->gradient_mean_q3, false, false)) {
-        return;
+    if (!contour->closed || !try_whole(ellipses, contour)) {
+        add_arcs(ellipses, contour);
     }
-    add_arcs(ellipses, contour);
 }
 
 /* Tries arc `i` together with every later one that may belong to it; points are gathered behind the
@@ -235,7 +266,6 @@ void ellipses_double(struct ellipses *ellipses)
         e->shape_xx_px2_q12 *= 4;
         e->shape_xy_px2_q12 *= 4;
         e->shape_yy_px2_q12 *= 4;
-        item->quality.residual_px_q16 *= 2;
         item->gradient_mean_q3 /= 2;
         ellipses->at[kept++] = *item;
     }

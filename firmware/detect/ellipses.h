@@ -1,6 +1,7 @@
-/* Contours -> ellipses. A closed contour is tried whole. What is no ellipse, or is open, is cut where it
- * stops bending one way (lines, corners: arcs.h), and each arc is tried alone; arcs too short to tell wait
- * until the frame ends and are then merged with others that lie on the same ellipse.
+/* Contours -> ellipses. A closed contour is tried whole, by the area in it (areafit.h). What is no ellipse, or is
+ * open, is cut where it stops bending one way (lines, corners: arcs.h), and each arc is tried
+ * alone, by its points (directfit.h, refit.h); arcs too short to tell wait until the frame ends and are then merged
+ * with others that lie on the same ellipse.
  *
  * The colour comes from the gradient against the curvature: contours run with the dark side on the left,
  * so one that turns around its centre clockwise as seen on the image encloses the bright side. */
@@ -8,24 +9,22 @@
 #define TESSERA_FIRMWARE_DETECT_ELLIPSES_H
 
 #include "firmware/detect/arcs.h"
-#include "firmware/detect/refit.h"
+#include "firmware/detect/ellipse.h"
 
 /* What a fit must reach to count. */
-#define ELLIPSES_POINTS_MIN          12u
-#define ELLIPSES_MINOR_MIN_PX_Q16    78643u /* 1.2 px */
-#define ELLIPSES_AXIS_RATIO_MIN      5u     /* minor >= major / 5: tilts to 78 degrees */
-#define ELLIPSES_RESIDUAL_MAX_PX_Q16 26214u /* 0.4 px: noise 4 at contrast 40 under blur 2 gives 0.25 */
+#define ELLIPSES_POINTS_MIN           12u
+#define ELLIPSES_MINOR_MIN_PX2_Q12    5898 /* 1.2 px squared */
+#define ELLIPSES_AXIS_RATIO_MIN       5    /* minor >= major / 5: tilts to 78 degrees */
+#define ELLIPSES_RESIDUAL_MAX_PX2_Q12 655  /* 0.4 px squared: noise 4 at contrast 40 under blur 2 gives 0.25 px */
 /* A triangle's outline lies a fifth of its inradius from the nearest ellipse; a circle seen through a
  * strongly distorting lens a hundredth of its radius. */
-#define ELLIPSES_RESIDUAL_SHARE      12u
-#define ELLIPSES_SECTORS_MIN         10u    /* of 16 */
+#define ELLIPSES_RESIDUAL_SHARE       12
+#define ELLIPSES_SECTORS_MIN          10u  /* of 16, for arcs */
 
 struct ellipses_item {
-    struct ellipse       ellipse;
-    struct refit_quality quality;
-    uint16_t             points;
-    uint16_t             gradient_mean_q3;
-    bool                 white; /* bright inside */
+    struct ellipse ellipse;
+    uint16_t       gradient_mean_q3;
+    bool           white; /* bright inside */
 };
 
 struct ellipses {

@@ -6,12 +6,8 @@
 #include "firmware/limits.h"
 
 #define NEIGHBOURS_MAX 64u
-/* Prior weight of the frame's common noise factor, in degrees of freedom: a single small circle has five
- * or ten of its own, so its residual alone would say little. */
-#define PRIOR_FREEDOM_Q8 (16u << 8)
-#define FITTED_Q8        (5u << 8)
 /* Relative sizes are put into bins of 1/16 from 0 to 8. */
-#define BINS             128u
+#define BINS           128u
 
 void marks_init(struct marks *marks, struct arena *arena, unsigned width, unsigned height)
 {
@@ -69,61 +65,6 @@ uint32_t marks_near(const struct marks *marks, int32_t x_px_q16, int32_t y_px_q1
         }
     }
     return count;
-}
-
-/* (residual * gradient)^2 of the points of one ellipse, px * grey_q4 / px, Q12: residuals up to 0.4 px
- * and gradients up to 2^15 stay below 2^42. */
-static uint64_t noise_factor_q12(const struct ellipses_item *item)
-{
-    const uint64_t product_q9 =
-        ((uint64_t)item->quality.residual_px_q16 * item->gradient_mean_q3) >> 10;
-    return (product_q9 * product_q9) >> 6;
-}
-
-/* The frame's common factor: the mean over its ellipses, then over those below four times that mean, for
- * a few bad fits must not speak for all. */
-static uint64_t common_factor_q12(const struct ellipses *ellipses, uint32_t correlation_q8)
-{
-    uint64_t limit = UINT64_MAX;
-    uint64_t mean = 0;
-    for (unsigned pass = 0; pass < 2; pass++) {
-        uint64_t sum = 0;
-        uint64_t weight_q8 = 0;
-        for (uint32_t i = 0; i < ellipses->count; i++) {
-            const struct ellipses_item *item = &ellipses->at[i];
-            const uint64_t factor = noise_factor_q12(item);
-            const uint64_t free_q8 = ((uint64_t)item->points << 16) / correlation_q8;
-            if (free_q8 > FITTED_Q8 + 256 && factor <= limit) {
-                /* The fit takes five degrees of freedom out of the squares. */
-                sum += (factor * (free_q8 >> 4)) >> 4;
-                weight_q8 += free_q8 - FITTED_Q8;
-            }
-        }
-        if (weight_q8 == 0) {
-            return mean;
-        }
-        mean = sum / weight_q8 * 256 + (sum % weight_q8) * 256 / weight_q8;
-        limit = 4 * mean;
-    }
-    return mean;
-}
-
-static uint32_t centre_sigma_px_q20(const struct ellipses_item *item, uint64_t common_q12,
-                                    uint32_t correlation_q8)
-{
-    const uint64_t gradient_q3 = item->gradient_mean_q3 > 0 ? item->gradient_mean_q3 : 1;
-    const uint64_t free_q8 = ((uint64_t)item->points << 16) / correlation_q8;
-    const uint64_t left_q8 = free_q8 > FITTED_Q8 ? free_q8 - FITTED_Q8 : 0;
-    const uint64_t own_q12 = noise_factor_q12(item);
-    const uint64_t factor_q12 =
-        (common_q12 * PRIOR_FREEDOM_Q8 + own_q12 * free_q8) / (PRIOR_FREEDOM_Q8 + left_q8);
-    /* One point: root(factor) / gradient. Q12 -> Q6 root; over Q3 -> Q3; with 17 more bits Q20. */
-    const uint64_t point_px_q20 =
-        ((uint64_t)root_u64(factor_q12 << 8) << 13) / gradient_q3;
-    const uint64_t root_correlation_q8 = root_u64((uint64_t)correlation_q8 << 8);
-    const uint64_t sigma =
-        (((point_px_q20 * item->quality.gain_q16) >> 16) * root_correlation_q8) >> 8;
-    return (uint32_t)(sigma > UINT32_MAX ? UINT32_MAX : sigma);
 }
 
 /* Whether the second of two marks around one point is the circle's double, not the circle. */
@@ -232,12 +173,8 @@ static uint32_t biased_otsu_q8(const struct marks *marks, uint32_t ratio_q8)
     return best_q8;
 }
 
-void marks_classify(const struct ellipses *ellipses, uint32_t kernel_sigma_px_q16, uint32_t ratio_q8,
-                    struct marks *out)
+void marks_classify(const struct ellipses *ellipses, uint32_t ratio_q8, struct marks *out)
 {
-    const uint32_t correlation_q8 =
-        (uint32_t)((kernel_sigma_px_q16 * (uint64_t)FX_Q(4.51, 8)) >> 16);
-    const uint64_t common_q12 = common_factor_q12(ellipses, correlation_q8);
     out->count = ellipses->count;
     assert(out->count <= out->size);
     for (uint32_t i = 0; i < ellipses->count; i++) {
@@ -245,7 +182,6 @@ void marks_classify(const struct ellipses *ellipses, uint32_t kernel_sigma_px_q1
         out->at[i] = (struct mark){
             .ellipse = item->ellipse,
             .size_px_q16 = ellipse_size_px_q16(&item->ellipse),
-            .sigma_px_q20 = centre_sigma_px_q20(item, common_q12, correlation_q8),
             .gradient_q3 = item->gradient_mean_q3,
             .white = item->white,
         };

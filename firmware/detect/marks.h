@@ -1,5 +1,4 @@
-/* Ellipses -> marks: what may be a circle of the target. Drops doubles, tells large from small, and says
- * how exactly each centre is known.
+/* Ellipses -> marks: what may be a circle of the target. Drops doubles and tells large from small.
  *
  * Doubles: a circle's Gaussian peak has its own ring of steepest slope inside the circle, of the same
  * colour (the outer one is the circle); a small triangle seen through blur may pass for an ellipse around its
@@ -7,13 +6,7 @@
  *
  * Large and small: perspective changes sizes over the image, so each size is taken relative to the
  * median of its neighbourhood; these relative sizes are split by Otsu's threshold (1979), biased towards the
- * split whose classes stand in the target's known ratio.
- *
- * Sigma: the refit's gain times the error of one edge point. That error is proportional to 1 / gradient, with
- * a factor (noise and blur) that the whole frame shares; the frame's factor and the ellipse's own residual
- * are combined by their degrees of freedom. Neighbouring edge points err together, since the filters
- * overlap: noise filtered by a Gaussian of width s keeps along the edge the correlation exp(-d^2 / 4 s^2), which
- * sums to 2 sqrt(pi) s; with 4/pi edge points a pixel that makes 4.51 s points worth one. */
+ * split whose classes stand in the target's known ratio. */
 #ifndef TESSERA_FIRMWARE_DETECT_MARKS_H
 #define TESSERA_FIRMWARE_DETECT_MARKS_H
 
@@ -24,7 +17,7 @@
 struct mark {
     struct ellipse ellipse;
     uint32_t       size_px_q16;   /* geometric mean of the semi-axes */
-    uint32_t       sigma_px_q20;  /* of the centre, per axis         */
+    uint32_t       sigma_px_q20;  /* of the centre, per axis; 0 before the last fit */
     uint32_t       next;          /* in its grid cell                */
     uint16_t       gradient_q3;   /* mean of the filtered edge's slope */
     int32_t        blur_px_q16;   /* of the profile fit: refine.h; and                 */
@@ -51,10 +44,8 @@ struct marks {
 
 void marks_init(struct marks *marks, struct arena *arena, unsigned width, unsigned height);
 
-/* kernel_sigma_px_q16: the filters' width. ratio_q8: large over small radius on the target (2 at two
- * levels). */
-void marks_classify(const struct ellipses *ellipses, uint32_t kernel_sigma_px_q16, uint32_t ratio_q8,
-                    struct marks *out);
+/* ratio_q8: large over small radius on the target (2 at two levels). */
+void marks_classify(const struct ellipses *ellipses, uint32_t ratio_q8, struct marks *out);
 
 /* The marks whose centres lie in a square of half side `reach` around (x, y): up to `size` indices, in
  * the order of the grid. Returns how many; more than `size` are cut off. */

@@ -113,32 +113,6 @@ static bool gather_sums(const int32_t x_px_q16[], const int32_t y_px_q16[], uint
     return true;
 }
 
-/* sqrt(trace(B N^-1 B') / (2 n)) / major, for N = J' W J / n of weights relative to 1 / major^2. */
-static bool find_gain(const struct smallsolve *normal, const struct ellipse_root *b, uint32_t count,
-                      uint32_t major_px_q16, uint32_t *gain_q16)
-{
-    int64_t for_x_q30[UNKNOWNS] = {(int64_t)1 << 30};
-    int64_t for_y_q30[UNKNOWNS] = {0, (int64_t)1 << 30};
-    if (!smallsolve_solve(normal, for_x_q30) || !smallsolve_solve(normal, for_y_q30)) {
-        return false;
-    }
-    /* B / major: entries at most 1, Q20. The inverse's entries are below 2^8. */
-    const int64_t bx = ((int64_t)b->xx_px_q16 << 20) / major_px_q16;
-    const int64_t by = b->yx_px_q16 * ((int64_t)1 << 20) / major_px_q16;
-    const int64_t bz = ((int64_t)b->yy_px_q16 << 20) / major_px_q16;
-    const int64_t cxx = for_x_q30[0] >> 10;
-    const int64_t cxy = for_x_q30[1] >> 10;
-    const int64_t cyy = for_y_q30[1] >> 10;
-    const int64_t trace_q20 = fx_round_shift_i64(
-        ((bx * bx + by * by) >> 20) * cxx + 2 * ((by * bz) >> 20) * cxy + ((bz * bz) >> 20) * cyy,
-        20);
-    if (trace_q20 <= 0) {
-        return false;
-    }
-    *gain_q16 = root_u64(((uint64_t)trace_q20 << 12) / (2u * count));
-    return true;
-}
-
 bool refit_ellipse(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t count,
                    struct ellipse *ellipse, struct refit_quality *quality)
 {
@@ -169,7 +143,6 @@ bool refit_ellipse(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t 
         }
     }
     if (!smallsolve_factor(&normal, PIVOT_FLOOR_Q30) || !smallsolve_solve(&normal, step_q36) ||
-        !find_gain(&normal, &root, count, major_px_q16, &quality->gain_q16) ||
         !ellipse_step(ellipse, &root, step_q36)) {
         return false;
     }

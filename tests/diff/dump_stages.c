@@ -7,7 +7,8 @@
  *   edges.csv     across,row,column,x_q16,y_q16,gradient_q3      row, column: the first of its two pixels
  *   contours.csv  contour,closed,x_q16,y_q16         points in their order
  *   fits.csv      contour,x_q16,y_q16,xx_q12,xy_q12,yy_q12,refit_x_q16,refit_y_q16,refit_xx_q12,
- *                 refit_xy_q12,refit_yy_q12,residual_q16,gain_q16     of closed contours that both fits take
+ *                 refit_xy_q12,refit_yy_q12,residual_q16,area_x_q16,area_y_q16,area_xx_q12,area_xy_q12,
+ *                 area_yy_q12,area_residual_q12            of closed contours that all three fits take
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -15,6 +16,7 @@
 
 #include "firmware/app/image_file.h"
 #include "firmware/app/pipeline.h"
+#include "firmware/detect/areafit.h"
 #include "firmware/detect/directfit.h"
 #include "firmware/detect/refit.h"
 
@@ -64,7 +66,7 @@ static void put_ellipse(FILE *out, const struct ellipse *e)
                   e->y_px_q16, e->shape_xx_px2_q12, e->shape_xy_px2_q12, e->shape_yy_px2_q12);
 }
 
-/* Contours that are finished by now: their points, and the two fits of closed ones. */
+/* Contours that are finished by now: their points, and the three fits of closed ones. */
 static void put_contours(FILE *contours, FILE *fits, unsigned *number)
 {
     struct contour *c = &pipeline.contour;
@@ -75,14 +77,17 @@ static void put_contours(FILE *contours, FILE *fits, unsigned *number)
         }
         struct ellipse direct;
         struct refit_quality quality;
-        if (c->closed && directfit_ellipse(c->x_px_q16, c->y_px_q16, c->count, &direct)) {
+        struct areafit area;
+        if (c->closed && directfit_ellipse(c->x_px_q16, c->y_px_q16, c->count, &direct) &&
+            areafit_ellipse(c->x_px_q16, c->y_px_q16, c->count, &area)) {
             struct ellipse refit = direct;
             if (refit_ellipse(c->x_px_q16, c->y_px_q16, c->count, &refit, &quality)) {
                 (void)fprintf(fits, "%u", *number);
                 put_ellipse(fits, &direct);
                 put_ellipse(fits, &refit);
-                (void)fprintf(fits, ",%" PRIu32 ",%" PRIu32 "\n", quality.residual_px_q16,
-                              quality.gain_q16);
+                (void)fprintf(fits, ",%" PRIu32, quality.residual_px_q16);
+                put_ellipse(fits, &area.ellipse);
+                (void)fprintf(fits, ",%" PRId32 "\n", area.residual_px2_q12);
             }
         }
         (*number)++;
@@ -96,7 +101,8 @@ static void dump(const struct frame_view *frame, const char *folder)
     FILE *contours = create(folder, "contours.csv", "contour,closed,x_q16,y_q16");
     FILE *fits = create(folder, "fits.csv",
                         "contour,x_q16,y_q16,xx_q12,xy_q12,yy_q12,refit_x_q16,refit_y_q16,"
-                        "refit_xx_q12,refit_xy_q12,refit_yy_q12,residual_q16,gain_q16");
+                        "refit_xx_q12,refit_xy_q12,refit_yy_q12,residual_q16,area_x_q16,area_y_q16,"
+                        "area_xx_q12,area_xy_q12,area_yy_q12,area_residual_q12");
     steer_begin(&pipeline.steer);
     chains_begin(&pipeline.chains);
     const struct dsp_gradient *above = NULL;

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "ref"))
 
 from ref_edges import crossings  # noqa: E402
-from ref_ellipse import direct_fit, geometric_fit  # noqa: E402
+from ref_ellipse import area_fit, direct_fit, geometric_fit  # noqa: E402
 from ref_filters import along_gradient, correlate, derivatives, kernels  # noqa: E402
 from ref_profile import profile_fit  # noqa: E402
 
@@ -187,12 +187,13 @@ def test_edge_points_are_zeros_of_the_second_over_the_first_derivative(frame):
 
 
 def ellipses(frame):
-    """(points x, y, direct fit, refit, residual, gain) of the closed contours that both fits took."""
+    """(points x, y, direct fit, refit, its residual, fit by area, its square residual) of the closed contours that
+    all fits took."""
     for row in frame.fits:
         points = frame.contours[frame.contours[:, 0] == row[0]]
         scale = np.array([65536, 65536, 4096, 4096, 4096])
         yield (points[:, 2] / 65536, points[:, 3] / 65536, row[1:6] / scale, row[6:11] / scale,
-               row[11] / 65536, row[12] / 65536)
+               row[11] / 65536, row[12:17] / scale, row[17] / 4096)
 
 
 def size_of(ellipse):
@@ -203,7 +204,7 @@ def test_direct_fit_is_fitzgibbons(frame):
     # directfit.h: the arithmetic alone errs by less than 2e-5 of the size; the format adds half of
     # 1/65536 px to the centre and half of 1/4096 px^2 to the shape matrix.
     centres, shapes, centre_bounds, shape_bounds = [], [], [], []
-    for x, y, direct, _, _, _ in ellipses(frame):
+    for x, y, direct, *_ in ellipses(frame):
         reference = direct_fit(x, y)
         size = size_of(reference)
         centres.append(np.abs(direct - reference)[:2].max())
@@ -220,8 +221,8 @@ def test_refit_is_the_fit_of_least_distances(frame):
     # the points' distances d and in the step: an error of curvature d^2 / 2 a point, of which a centre takes
     # at most twice the mean. The greatest curvature of an ellipse is a / b^2.
     rows = []
-    for x, y, direct, refit, residual, gain in ellipses(frame):
-        reference, rms, deviation = geometric_fit(x, y, direct_fit(x, y))
+    for x, y, direct, refit, residual, _, _ in ellipses(frame):
+        reference, rms = geometric_fit(x, y, direct_fit(x, y))
         half, apart = (reference[2] + reference[4]) / 2, np.hypot(
             (reference[2] - reference[4]) / 2, reference[3])
         curvature = np.sqrt(half + apart) / (half - apart)
@@ -229,13 +230,31 @@ def test_refit_is_the_fit_of_least_distances(frame):
         second_order = curvature * (rms ** 2 + step ** 2)
         rows.append((np.abs(refit - reference)[:2].max(),
                      2 * second_order + 2e-5 * size_of(reference) + 0.5 / 65536,
-                     residual - rms, second_order + 1e-4,
-                     gain / deviation - 1, curvature * rms + 1e-3))
+                     residual - rms, second_order + 1e-4))
     rows = np.array(rows)
     assert len(rows) > 30
     show("centres, px", rows[:, 0], rows[:, 1])
     show("RMS distances, px", rows[:, 2], rows[:, 3])
-    show("gains, relative", rows[:, 4], rows[:, 5])
+
+
+def test_fit_by_area_has_the_moments_of_the_area(frame):
+    # areafit.h: the arithmetic errs like the direct fit's. The mean square distance is what the line's area lacks, for
+    # which steps count as arcs but for the fifth power of their angle.
+    rows = []
+    for x, y, _, _, _, area, square in ellipses(frame):
+        reference, arcs = area_fit(x, y)
+        size, trace = size_of(reference), reference[2] + reference[4]
+        share = arcs.sum() / (2 * np.pi)
+        left_out = 3 / 40 * np.sum(np.abs(arcs) ** 5) / (2 * np.pi)
+        rows.append((np.abs(area - reference)[:2].max(), 2e-5 * size + 0.5 / 65536,
+                     np.abs(area - reference)[2:].max(), 2 * 2e-5 * size ** 2 + 0.5 / 4096,
+                     square - max(0, 1 - share ** 2) * size ** 4 / (4 * trace),
+                     2 * left_out * size ** 4 / (4 * trace) + 1 / 4096))
+    rows = np.array(rows)
+    assert len(rows) > 30
+    show("centres, px", rows[:, 0], rows[:, 1])
+    show("shape matrices, px^2", rows[:, 2], rows[:, 3])
+    show("mean square distances, px^2", rows[:, 4], rows[:, 5])
 
 
 def test_last_fit_is_the_likeliest_place_given_the_pixels(frame):

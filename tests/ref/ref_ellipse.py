@@ -1,4 +1,5 @@
-"""Ellipses through points: the direct least-squares fit, and the one of least squared distances.
+"""Ellipses through points: the direct least-squares fit, the one of least squared distances, and that of the same area
+and moments as the closed line through them.
 
 An ellipse is (x, y, sxx, sxy, syy): centre and shape matrix S, (p - c)' S^-1 (p - c) = 1.
 """
@@ -73,8 +74,7 @@ def slopes(function, at):
 
 
 def geometric_fit(x, y, start):
-    """Least squared distances: Gauss and Newton from `start` until nothing moves. Also the RMS distance,
-    and the centre's standard deviation per axis (RMS of both) for independent errors of 1 px."""
+    """Least squared distances: Gauss and Newton from `start` until nothing moves. Also the RMS distance."""
     ellipse = np.array(start, float)
     for _ in range(50):
         matrix = slopes(lambda e: distances(e, x, y), ellipse)
@@ -82,6 +82,19 @@ def geometric_fit(x, y, start):
         ellipse = ellipse + step
         if np.abs(step).max() < 1e-8:
             break
-    covariance = np.linalg.inv(matrix.T @ matrix)
-    return (ellipse, np.sqrt(np.mean(distances(ellipse, x, y) ** 2)),
-            np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+    return ellipse, np.sqrt(np.mean(distances(ellipse, x, y) ** 2))
+
+
+def area_fit(x, y):
+    """The ellipse with the centroid and the second moments of the area within the closed line through the points.
+    Moments are integrals of polar sectors, r^2 / 2 da of area, by the trapezoidal rule in the angle. Also the
+    angles that the steps are of its circumference, as seen in its unit frame; their sum tells the line's area."""
+    origin = np.array([x.mean(), y.mean()])
+    at = np.stack([x, y], 1) - origin
+    turn = at[:, 0] * np.roll(at[:, 1], -1) - at[:, 1] * np.roll(at[:, 0], -1)
+    share = (turn + np.roll(turn, 1)) / 2  # r^2 da, of the steps beside each point
+    offset = 2 / 3 * share @ at / share.sum()
+    shape = 2 * (at.T * share) @ at / share.sum() - 4 * np.outer(offset, offset)
+    ellipse = np.array([*(origin + offset), shape[0, 0], shape[0, 1], shape[1, 1]])
+    own = np.sqrt(np.linalg.det(shape))  # a b
+    return ellipse, np.arcsin(np.clip(turn / own, -1, 1))

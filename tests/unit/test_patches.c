@@ -62,8 +62,6 @@ static void add_patch(const struct synth_map *map, unsigned levels, const struct
                             (int32_t)lrint((c.y + synth_normal(seed, noise)) * 65536),
                             (int32_t)lrint(c.shape_xx * 4096), (int32_t)lrint(c.shape_xy * 4096),
                             (int32_t)lrint(c.shape_yy * 4096)},
-                .quality = {.residual_px_q16 = 2000, .gain_q16 = 10000, .sectors = 0xffff},
-                .points = 60,
                 .gradient_mean_q3 = 4000,
                 .white = white};
         }
@@ -72,7 +70,7 @@ static void add_patch(const struct synth_map *map, unsigned levels, const struct
 
 static void decode(unsigned levels)
 {
-    marks_classify(&ellipses, 65536, patches_size_ratio_q8(levels), &marks);
+    marks_classify(&ellipses, patches_size_ratio_q8(levels), &marks);
     patches_decode(&marks, &patches);
     for (uint32_t i = 1; i < patches.count; i++) { /* by rising id, none twice */
         TEST_ASSERT_TRUE(patches.at[i - 1].id < patches.at[i].id);
@@ -312,8 +310,7 @@ static void circles_strewn_at_random_give_no_patch(void)
                 .ellipse = {(int32_t)(65536 * (20 + 1160 * synth_uniform(&seed))),
                             (int32_t)(65536 * (20 + 860 * synth_uniform(&seed))),
                             (int32_t)(r * r * 4096), 0, (int32_t)(r * r * 4096)},
-                .quality = {.residual_px_q16 = 2000, .gain_q16 = 10000, .sectors = 0xffff},
-                .points = 60, .gradient_mean_q3 = 4000, .white = (synth_u64(&seed) & 1) != 0};
+                .gradient_mean_q3 = 4000, .white = (synth_u64(&seed) & 1) != 0};
         }
         decode(2);
         wrong += patches.count;
