@@ -14,17 +14,20 @@ static enum bend bend_at(const struct contour *c, uint32_t i, uint32_t step)
 {
     const uint32_t before = i >= step ? i - step : i + c->count - step;
     const uint32_t after = i + step < c->count ? i + step : i + step - c->count;
-    /* Chords of at most 64 points in Q8: below 2^15; products below 2^30. */
-    const int64_t ax = (c->x_px_q16[i] - c->x_px_q16[before]) >> 8;
-    const int64_t ay = (c->y_px_q16[i] - c->y_px_q16[before]) >> 8;
-    const int64_t bx = (c->x_px_q16[after] - c->x_px_q16[i]) >> 8;
-    const int64_t by = (c->y_px_q16[after] - c->y_px_q16[i]) >> 8;
-    const int64_t cross = ax * by - ay * bx;
-    const int64_t dot = ax * bx + ay * by;
-    if (dot <= 0 || fx_abs_i64(cross) > 4 * dot) {
+    /* Neighbours are at most 1 px apart in x and y (chains.h), 64 of them 2^14 in Q8; sums of products are below 2^29. */
+    const int32_t x = c->x_px_q16[i];
+    const int32_t y = c->y_px_q16[i];
+    const int32_t ax = (x - c->x_px_q16[before]) >> 8;
+    const int32_t ay = (y - c->y_px_q16[before]) >> 8;
+    const int32_t bx = (c->x_px_q16[after] - x) >> 8;
+    const int32_t by = (c->y_px_q16[after] - y) >> 8;
+    const int32_t cross = ax * by - ay * bx;
+    const int32_t dot = ax * bx + ay * by;
+    const int32_t size = cross < 0 ? -cross : cross;
+    if (size >> 2 >= dot) {
         return BEND_CORNER; /* more than 76 degrees */
     }
-    if (fx_abs_i64(cross) * 16 < dot) {
+    if (size < dot >> 4) {
         return BEND_NONE; /* less than 3.6 degrees */
     }
     return cross > 0 ? BEND_RIGHT : BEND_LEFT;
@@ -51,6 +54,38 @@ static uint32_t close_run(struct run_state *state, uint32_t shortest, struct arc
     return count;
 }
 
+/* Adds `points` points from i on, which bend like this, to the run, or ends it before or with them. */
+static uint32_t extend_run(struct run_state *state, uint32_t i, uint32_t points, enum bend bend,
+                           uint32_t step, uint32_t shortest, struct arcs_run out[], uint32_t count)
+{
+    const bool bends = bend == BEND_LEFT || bend == BEND_RIGHT;
+    if (bends && state->run.count > 0 && state->bend != bend) {
+        count = close_run(state, shortest, out, count);
+    }
+    if (bends && state->run.count == 0) {
+        state->run.first = i;
+        state->bend = bend;
+    }
+    state->run.count += points;
+    state->straight = bends ? 0 : state->straight + points;
+    if (bend == BEND_CORNER || state->straight > 2 * step) {
+        count = close_run(state, shortest, out, count);
+    }
+    return count;
+}
+
+/* A corner or straight part of a closed contour, so that no arc is cut in two. */
+static uint32_t find_start(const struct contour *contour, uint32_t step)
+{
+    for (uint32_t i = 0; i < contour->count; i++) {
+        const enum bend bend = bend_at(contour, i, step);
+        if (bend == BEND_NONE || bend == BEND_CORNER) {
+            return i;
+        }
+    }
+    return 0;
+}
+
 uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t shortest,
                     struct arcs_run out[ARCS_RUNS_MAX])
 {
@@ -58,39 +93,29 @@ uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t short
     if (contour->count < 2 * step + 1 || contour->count < shortest) {
         return 0;
     }
-    /* A closed contour is started at a corner or straight part, so that no arc is cut in two. */
-    uint32_t start = contour->closed ? 0 : step;
+    const uint32_t start = contour->closed ? find_start(contour, step) : step;
     const uint32_t visits = contour->closed ? contour->count : contour->count - 2 * step;
-    if (contour->closed) {
-        for (uint32_t i = 0; i < contour->count; i++) {
-            const enum bend bend = bend_at(contour, i, step);
-            if (bend == BEND_NONE || bend == BEND_CORNER) {
-                start = i;
-                break;
-            }
-        }
-    }
+    /* Over long chords the bend changes slowly: every eighth of a step is enough. Between runs it is looked for in leaps
+     * of a step, for it shows as far before and behind where it is; where one is found, the leap is taken back. */
+    const uint32_t stride = step >= 8 ? step / 8 : 1;
+    const uint32_t leap = step / stride * stride - stride;
     uint32_t count = 0;
+    uint32_t leapt = 0;
+    uint32_t bent = 0; /* where one was found */
     struct run_state state = {.run = {0}, .bend = BEND_NONE, .straight = 0};
-    for (uint32_t k = 0; k < visits; k++) {
+    for (uint32_t k = 0; k < visits; k += stride) {
         const uint32_t i = start + k < contour->count ? start + k : start + k - contour->count;
+        const uint32_t points = visits - k < stride ? visits - k : stride;
         const enum bend bend = bend_at(contour, i, step);
-        if (bend == BEND_LEFT || bend == BEND_RIGHT) {
-            if (state.run.count > 0 && state.bend != bend) {
-                count = close_run(&state, shortest, out, count);
-            }
-            if (state.run.count == 0) {
-                state.run.first = i;
-                state.bend = bend;
-            }
-            state.run.count++;
-            state.straight = 0;
-        } else if (state.run.count > 0) {
-            state.run.count++;
-            state.straight++;
-            if (bend == BEND_CORNER || state.straight > 2 * step) {
-                count = close_run(&state, shortest, out, count);
-            }
+        if (state.run.count == 0 && (bend == BEND_NONE || bend == BEND_CORNER)) {
+            leapt = k >= bent ? leap : 0;
+            k += leapt;
+        } else if (leapt > 0) {
+            bent = k;
+            k -= leapt + stride;
+            leapt = 0;
+        } else {
+            count = extend_run(&state, i, points, bend, step, shortest, out, count);
         }
     }
     return close_run(&state, shortest, out, count);

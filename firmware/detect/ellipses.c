@@ -151,6 +151,27 @@ static bool try_points(struct ellipses *ellipses, const int32_t x_px_q16[],
     return true;
 }
 
+/* Whether an arc turns by two right angles and so may reach ELLIPSES_SECTORS_MIN: half an ellipse turns by as much,
+ * however it is tilted. What the chords at its ends take away, and noise, is left a third of that. */
+static bool turns_enough(const int32_t x_px_q16[], const int32_t y_px_q16[], uint32_t count)
+{
+    const uint32_t step = count < 24 ? 2 : count / 12;
+    const uint32_t end = count - 1;
+    const uint32_t middle = count / 2;
+    /* Q8: below 2^22. */
+    const int64_t ax = (x_px_q16[step] - x_px_q16[0]) >> 8;
+    const int64_t ay = (y_px_q16[step] - y_px_q16[0]) >> 8;
+    const int64_t bx = (x_px_q16[end] - x_px_q16[end - step]) >> 8;
+    const int64_t by = (y_px_q16[end] - y_px_q16[end - step]) >> 8;
+    const int64_t to_x = (x_px_q16[middle] - x_px_q16[0]) >> 8;
+    const int64_t to_y = (y_px_q16[middle] - y_px_q16[0]) >> 8;
+    const int64_t on_x = (x_px_q16[end] - x_px_q16[middle]) >> 8;
+    const int64_t on_y = (y_px_q16[end] - y_px_q16[middle]) >> 8;
+    const bool right = to_x * on_y - to_y * on_x > 0;
+    const int64_t cross = right ? ax * by - ay * bx : ay * bx - ax * by;
+    return cross < 0 || 2 * (ax * bx + ay * by) < -cross; /* 117 degrees */
+}
+
 static void reverse(int32_t *values, uint32_t first, uint32_t last)
 {
     while (first < last) {
@@ -192,7 +213,8 @@ static void add_arcs(struct ellipses *ellipses, struct contour *contour)
             }
             const int32_t *x = contour->x_px_q16 + runs[i].first;
             const int32_t *y = contour->y_px_q16 + runs[i].first;
-            if (try_points(ellipses, x, y, runs[i].count, contour->gradient_mean_q3, false, false)) {
+            if (turns_enough(x, y, runs[i].count) &&
+                try_points(ellipses, x, y, runs[i].count, contour->gradient_mean_q3, false, false)) {
                 found = true;
             } else if (step == arc_steps[1]) {
                 arcs_keep(&ellipses->arcs, x, y, runs[i].count, contour->gradient_mean_q3);

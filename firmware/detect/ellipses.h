@@ -1,5 +1,5 @@
 /* Contours -> ellipses. A closed contour is tried whole, by the area in it (areafit.h). What is no ellipse, or is
- * open, is cut where it stops bending one way (lines, corners: arcs.h), and each arc is tried
+ * open, is cut where it stops bending one way (lines, corners: arcs.h), and each arc that turns far enough is tried
  * alone, by its points (directfit.h, refit.h); arcs too short to tell wait until the frame ends and are then merged
  * with others that lie on the same ellipse.
  *

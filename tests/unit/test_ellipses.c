@@ -192,6 +192,25 @@ static void half_a_circle_alone_is_not_enough(void)
     TEST_ASSERT_EQUAL_UINT32(0, ellipses.count);
 }
 
+/* A corner's 135 degrees are not fitted; 250 degrees of a tilted circle are, wherever they begin. */
+static void only_arcs_that_turn_far_enough_are_fitted(void)
+{
+    uint64_t seed = 70;
+    push_arc(200, 150, 16, 16, 0, 0.1, 0.75 * SYNTH_PI, 0.02, &seed);
+    add(false);
+    TEST_ASSERT_EQUAL_UINT32(0, ellipses.fits);
+    for (unsigned i = 0; i < 60; i++) {
+        ellipses_begin(&ellipses);
+        const double size = 14 + i;
+        const double from = 0.7 * i;
+        const double turn = (i % 2 ? 250 : -250) * SYNTH_PI / 180;
+        push_arc(300, 200, size, 0.6 * size, 0.3 * i, from, from + turn, 0.02, &seed);
+        add(false);
+        ellipses_end(&ellipses);
+        TEST_ASSERT_EQUAL_UINT32(1, ellipses.count);
+    }
+}
+
 static void full_list_says_so_and_keeps_what_it_had(void)
 {
     uint64_t seed = 67;
@@ -298,6 +317,7 @@ int main(void)
     RUN_TEST(circle_in_two_halves_is_merged_at_the_end);
     RUN_TEST(halves_of_different_circles_are_not_merged);
     RUN_TEST(half_a_circle_alone_is_not_enough);
+    RUN_TEST(only_arcs_that_turn_far_enough_are_fitted);
     RUN_TEST(full_list_says_so_and_keeps_what_it_had);
     RUN_TEST(fits_beyond_the_limit_are_not_made_and_reported);
     RUN_TEST(too_many_waiting_arcs_are_reported);
