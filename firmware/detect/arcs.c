@@ -14,7 +14,8 @@ static enum bend bend_at(const struct contour *c, uint32_t i, uint32_t step)
 {
     const uint32_t before = i >= step ? i - step : i + c->count - step;
     const uint32_t after = i + step < c->count ? i + step : i + step - c->count;
-    /* Neighbours are at most 1 px apart in x and y (chains.h), 64 of them 2^14 in Q8; sums of products are below 2^29. */
+    /* Neighbours are at most 1 px apart in x and y (chains.h), 64 of them 2^14 in Q8; sums of products are below
+     * 2^29. */
     const int32_t x = c->x_px_q16[i];
     const int32_t y = c->y_px_q16[i];
     const int32_t ax = (x - c->x_px_q16[before]) >> 8;
@@ -95,8 +96,9 @@ uint32_t arcs_split(const struct contour *contour, uint32_t step, uint32_t short
     }
     const uint32_t start = contour->closed ? find_start(contour, step) : step;
     const uint32_t visits = contour->closed ? contour->count : contour->count - 2 * step;
-    /* Over long chords the bend changes slowly: every eighth of a step is enough. Between runs it is looked for in leaps
-     * of a step, for it shows as far before and behind where it is; where one is found, the leap is taken back. */
+    /* Over long chords the bend changes slowly: every eighth of a step is enough. Between runs it is looked for in
+     * leaps of a step, for it shows as far before and behind where it is; where one is found, the leap is taken
+     * back. */
     const uint32_t stride = step >= 8 ? step / 8 : 1;
     const uint32_t leap = step / stride * stride - stride;
     uint32_t count = 0;

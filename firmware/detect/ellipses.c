@@ -11,8 +11,9 @@
 #define POINTS_ENOUGH 24u
 
 /* Chords, in points, over which arcs are looked for: 4 points follow circles of radius 3 px, 16 see the
- * bend of a radius of 100 px. */
+ * bend of a radius of 100 px, for which a contour must have some length. */
 static const uint32_t arc_steps[] = {16, 4};
+#define ARC_CHORDS_MIN 8u
 
 void ellipses_init(struct ellipses *ellipses, struct arena *arena, unsigned width, unsigned height)
 {
@@ -200,6 +201,9 @@ static void add_arcs(struct ellipses *ellipses, struct contour *contour)
     struct arcs_run runs[ARCS_RUNS_MAX];
     for (unsigned s = 0; s < sizeof arc_steps / sizeof arc_steps[0]; s++) {
         const uint32_t step = arc_steps[s];
+        if (step != arc_steps[1] && contour->count < ARC_CHORDS_MIN * step) {
+            continue;
+        }
         const uint32_t count = arcs_split(contour, step, ELLIPSES_POINTS_MIN, runs);
         bool found = false;
         for (uint32_t i = 0; i < count; i++) {
@@ -241,8 +245,14 @@ static void merge_with_later(struct ellipses *ellipses, uint32_t i)
     struct arc *first = &arcs->at[i];
     int32_t *x = arcs->x_px_q16 + arcs->points_size;
     int32_t *y = arcs->y_px_q16 + arcs->points_size;
+    /* As far as three times its radius reaches (arcs_may_join): most others lie above or below. */
+    const int64_t top = first->y_px_q16 - 3 * (int64_t)first->radius_px_q16;
+    const int64_t bottom = first->y_px_q16 + 3 * (int64_t)first->radius_px_q16;
     for (uint32_t j = i + 1; j < arcs->count && !first->used; j++) {
         struct arc *second = &arcs->at[j];
+        if (second->y_px_q16 < top || second->y_px_q16 > bottom) {
+            continue;
+        }
         if (second->used || first->count + second->count > LIMIT_CONTOUR_POINTS ||
             !arcs_may_join(first, second)) {
             continue;

@@ -1,4 +1,5 @@
-/* The fit by area: exact on exact points, as good as least squares on noisy ones, and right about how far they lie off. */
+/* The fit by area: exact on exact points, as good as least squares on noisy ones, and right about how far they are
+ * off. */
 #include "firmware/detect/areafit.h"
 
 #include <math.h>
@@ -122,10 +123,10 @@ static void evenly_spaced_points_come_back_exactly(void)
     }
 }
 
-/* With points at uneven angles a step of the angle h errs: the trapezoidal rule by h^3 / 12 times the second derivative,
- * the chord that stands for the arc by -h^3 / 6. For the centre, 2/3 of the mean of the unit vectors, both make
- * sum h^3 / (12 pi) of the size at most; for the shape, the mean of cosines of twice the angle, sum h^3 / (4 pi). Of the
- * area 3 h^5 / 40 a step are left out. Signs differ around the ellipse, which leaves room for higher orders. */
+/* With points at uneven angles a step of the angle h errs: the trapezoidal rule by h^3 / 12 times the second
+ * derivative, the chord that stands for the arc by -h^3 / 6. For the centre, 2/3 of the mean of the unit vectors, both
+ * make sum h^3 / (12 pi) of the size at most; for the shape, the mean of cosines of twice the angle, sum h^3 / (4 pi).
+ * Of the area 3 h^5 / 40 a step are left out. Signs differ around the ellipse, which leaves room for higher orders. */
 static void crossings_of_the_grid_are_right_to_second_order(void)
 {
     uint64_t seed = 32;
@@ -185,8 +186,8 @@ static void noisy_circle_is_centred_as_by_least_squares(void)
     SYNTH_NEAR(0.15 * free, free, residual);
 }
 
-/* Waves along the normal, of too short a length for an ellipse to follow: amplitude^2 / 2. To second order in the wave's
- * share of the radius, and as far as the waves do not meet the ellipse's own. */
+/* Waves along the normal, of too short a length for an ellipse to follow: amplitude^2 / 2. To second order in the
+ * wave's share of the radius, and as far as the waves do not meet the ellipse's own. */
 static void residual_is_the_mean_square_distance(void)
 {
     static const double cases[][3] = {{6, 6, 0.1}, {12, 12, 0.3}, {12, 7, 0.2}, {40, 25, 0.3}, {300, 300, 0.4}};
