@@ -1,5 +1,5 @@
 /* See circlefit.h. Unit-frame coordinates are Q24; Jacobian entries Q20; brightness is in units of 4096
- * grey_q4, Q30, the second pass 64 times finer. */
+ * grey_q4, Q30, the second pass 2^RIM_FINE_BITS times finer. */
 #include "firmware/detect/circlefit.h"
 
 #include "common/fx/fx.h"
@@ -99,18 +99,27 @@ static bool prepare_view(struct rim_view *view)
 static const uint8_t place_of[RIM_UNKNOWNS] = {6, 7, 0, 1, 2, 3, 4, 5};
 
 /* On a circle of a few blurs, size, contrast and blur can stand for one another. There the blur is held at the
- * one that large circles tell, as if another rim like this had measured it. `contrast_q30` is on the
- * solution's scale. */
-static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct smallsolve *normal,
-                      int64_t right_q30[RIM_UNKNOWNS])
+ * one that large circles tell, as if another rim like this had measured it. False where it is free; else the step
+ * that would lead there, on the solution's scale, which is `contrast_q30`'s. */
+static bool is_blur_held(const struct rim_view *view, int64_t contrast_q30, int64_t *step_q30)
 {
     const int64_t blur_px_q16 = view->edge_blur_px_q16;
     if (blur_px_q16 == 0 || view->size_px_q16 > HELD_SIGMAS * blur_px_q16) {
-        return;
+        return false;
     }
     const int64_t off_q16 = (blur_px_q16 - view->blur_px_q16) * 65536 / view->blur_px_q16;
-    normal->at_q30[place_of[RIM_BLUR]][place_of[RIM_BLUR]] += HELD_Q30;
-    right_q30[place_of[RIM_BLUR]] += fx_mul_q30((contrast_q30 * off_q16) >> 16, HELD_Q30);
+    *step_q30 = (contrast_q30 * off_q16) >> 16;
+    return true;
+}
+
+static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct smallsolve *normal,
+                      int64_t right_q30[RIM_UNKNOWNS])
+{
+    int64_t step_q30;
+    if (is_blur_held(view, contrast_q30, &step_q30)) {
+        normal->at_q30[place_of[RIM_BLUR]][place_of[RIM_BLUR]] += HELD_Q30;
+        right_q30[place_of[RIM_BLUR]] += fx_mul_q30(step_q30, HELD_Q30);
+    }
 }
 
 /* One least-squares solution; factored stays for the covariance. The contrast so far is on its scale. */
@@ -147,7 +156,7 @@ static bool solve_pixels(const struct rim_view *view, const struct rim_sums *sum
     return true;
 }
 
-/* part / whole, |part| <= |whole|. The second pass's numbers are 64 times finer, up to 2^37: low bits are
+/* part / whole, |part| <= |whole|. The second pass's numbers are finer, up to 2^36: low bits are
  * dropped so that the product stays below 2^63. */
 static int64_t part_over_whole_q30(int64_t part, int64_t whole)
 {
@@ -206,9 +215,9 @@ static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
     if (trace_q16 <= 0 || trace_q16 > INT32_MAX) {
         return false;
     }
-    /* m / c in Q30: the root is 64 m in Q26. m is below 1/32, so it is below 2^28. */
+    /* m / c in Q30: the root is m in Q26 on the fine scale; m is below 1/16, so it is below 2^27. */
     const uint64_t contrast_q30 = (uint64_t)fx_abs_i64(view->contrast_q30);
-    const uint64_t ratio_q30 = ((uint64_t)root_u64((uint64_t)noise_q52) << 28) / contrast_q30;
+    const uint64_t ratio_q30 = ((uint64_t)root_u64((uint64_t)noise_q52) << (34 - RIM_FINE_BITS)) / contrast_q30;
     const uint64_t spread_q24 = root_u64(((uint64_t)trace_q16 << 32) / (2u * sum->count));
     const uint64_t sigma_q20 =
         (((ratio_q30 * spread_q24) >> 20) * (uint64_t)view->blur_px_q16) >> 30;
@@ -217,13 +226,20 @@ static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
     return true;
 }
 
-/* What the solution leaves of the squares, per degree of freedom, on the fine scale; Q52. */
-static int64_t left_over_q52(const struct rim_sums *sum, const int64_t solution_q30[RIM_UNKNOWNS])
+/* What the solution x leaves of the squares, per degree of freedom, on the fine scale; Q52. Of J'J x = b it takes
+ * x'b; where the blur is held, x_s (x_s - step) of what holds it more. */
+static int64_t left_over_q52(const struct rim_view *view, const struct rim_sums *sum, int64_t contrast_q30,
+                             const int64_t solution_q30[RIM_UNKNOWNS])
 {
     int64_t left_q52 = sum->squares_q44 / sum->count * 256;
     for (unsigned i = 0; i < RIM_UNKNOWNS; i++) {
         const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[i] / sum->count, 18);
         left_q52 -= (solution_q30[i] >> 4) * (right_q30 >> 4);
+    }
+    int64_t step_q30;
+    if (is_blur_held(view, contrast_q30, &step_q30)) {
+        const int64_t blur_q30 = solution_q30[RIM_BLUR];
+        left_q52 -= (fx_mul_q30(blur_q30, HELD_Q30) >> 4) * ((blur_q30 - step_q30) >> 4);
     }
     return left_q52 > 0 ? left_q52 / (sum->count - RIM_UNKNOWNS) * sum->count : 0;
 }
@@ -238,9 +254,9 @@ static uint16_t worst_octant_q16(const struct rim_view *view, const struct rim_s
             worst_q44 = mean_q44 > worst_q44 ? mean_q44 : worst_q44;
         }
     }
-    /* The root is 64 m in Q22; over c in Q30. */
+    /* The root is m in Q22 on the fine scale; over c in Q30. */
     const uint64_t root_q22 = root_u64((uint64_t)worst_q44);
-    return fx_saturate_u16((int64_t)((root_q22 << 18) / (uint64_t)fx_abs_i64(view->contrast_q30)));
+    return fx_saturate_u16((int64_t)((root_q22 << (24 - RIM_FINE_BITS)) / (uint64_t)fx_abs_i64(view->contrast_q30)));
 }
 
 /* The brightness at unit-frame place (p, q), nearest pixel; false outside the frame. */
@@ -366,7 +382,7 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
         rim_gather(&fit->rim, frame, view, &sum);
         const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
         if (!solve_pixels(view, &sum, contrast_q30, &factored, solution_q30) ||
-            !find_sigma(view, &sum, &factored, left_over_q52(&sum, solution_q30), &fitted)) {
+            !find_sigma(view, &sum, &factored, left_over_q52(view, &sum, contrast_q30, solution_q30), &fitted)) {
             return false;
         }
         fitted.worst_q16 = worst_octant_q16(view, &sum);

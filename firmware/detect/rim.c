@@ -31,6 +31,9 @@
 /* Peaks narrower than this, in radii, have ended at the rim, so that it does not matter that it cuts them. */
 #define PEAK_WIDE_Q16 29491 /* 0.45 */
 
+/* A rest in 1/32 grey_q4 is Q11 of an enlargement by so many bits. */
+#define REST_BITS 6
+
 static_assert(JUNCTION_RAYS == PATTERN_RAYS, "each ray is felt");
 static_assert(RIMROW_COLUMNS == RIM_UNKNOWNS + 1, "a Jacobian's row and the rest");
 
@@ -250,7 +253,7 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
     describe_edges(felt, row);
     if (view->fine) {
         describe_brightness(view, row);
-        row->rest_shift = 0;
+        row->rest_shift = REST_BITS - RIM_FINE_BITS;
     }
 }
 

@@ -15,8 +15,8 @@
 #define RIM_LEVEL      5u /* b */
 #define RIM_CONTRAST   6u /* c */
 #define RIM_BLUR       7u
-/* In the fine pass rests are 64 times larger on the same scale. */
-#define RIM_FINE_BITS  6
+/* In the fine pass rests are 32 times larger on the same scale: 16 grey levels of 256 at most. */
+#define RIM_FINE_BITS  5
 
 /* One feature as the model has it so far. */
 struct rim_view {
@@ -49,7 +49,7 @@ struct rim {
     int64_t                   gauss_sigma_q16; /* exp(-rho^2 / 2 sigma^2)                    */
 };
 
-/* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 64
+/* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
  * times larger when view->fine). */
 struct rim_sums {
     int64_t  matrix_q40[RIM_UNKNOWNS][RIM_UNKNOWNS]; /* lower triangle */
