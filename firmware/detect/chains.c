@@ -56,18 +56,14 @@ static uint32_t add_point(struct chains *chains, const struct edge *edge)
     const uint32_t index = chains->chains_free;
     if (point == CHAINS_NONE || index == CHAINS_NONE) {
         chains->truncated = true;
+        chains->points_used--; /* chains_link_row has counted it */
         return CHAINS_NONE;
     }
     chains->points_free = chains->points[point].next;
     chains->chains_free = chains->chains[index].head;
-    chains->points_used++;
-    if (chains->points_used > chains->points_used_max) {
-        chains->points_used_max = chains->points_used;
-    }
     chains->points[point] = (struct chain_point){
         .x_px_q16 = edge->x_px_q16,
         .y_px_q16 = edge->y_px_q16,
-        .next = CHAINS_NONE,
         .chain = index,
     };
     chains->chains[index] = (struct chain){
@@ -80,12 +76,14 @@ static uint32_t add_point(struct chains *chains, const struct edge *edge)
     return point;
 }
 
+static bool is_overlong(const struct chain *chain)
+{
+    return chain->count > LIMIT_CONTOUR_POINTS;
+}
+
 /* Keeps only the two ends of a contour. */
 static void drop_inside(struct chains *chains, struct chain *chain)
 {
-    if (chain->head == chain->tail) {
-        return;
-    }
     uint32_t point = chains->points[chain->head].next;
     while (point != chain->tail) {
         const uint32_t next = chains->points[point].next;
@@ -95,16 +93,38 @@ static void drop_inside(struct chains *chains, struct chain *chain)
     chains->points[chain->head].next = chain->tail;
 }
 
-/* One of the contour's open points has seen both its cells. */
-static void settle_end(struct chains *chains, uint32_t index)
+/* `count` of the contour's open points have seen both their cells. */
+static void settle_ends(struct chains *chains, uint32_t index, uint32_t count)
 {
     struct chain *chain = &chains->chains[index];
-    assert(chain->open > 0);
-    chain->open--;
+    assert(chain->open >= count);
+    chain->open -= count;
     if (chain->open == 0) {
         assert(chains->finished_count < chains->chains_size);
         chains->finished[chains->finished_count++] = index;
     }
+}
+
+/* Contour `before` goes on with `after`, and takes its points over. */
+static void join_chains(struct chains *chains, uint32_t before, uint32_t after)
+{
+    struct chain *first = &chains->chains[before];
+    struct chain *second = &chains->chains[after];
+    if (before == after) {
+        first->closed = true;
+        return;
+    }
+    chains->points[first->tail].next = second->head;
+    chains->points[second->tail].chain = before;
+    first->tail = second->tail;
+    first->count += second->count;
+    first->open += second->open;
+    first->gradient_sum_q3 += second->gradient_sum_q3;
+    if (is_overlong(first)) {
+        drop_inside(chains, first);
+    }
+    second->head = chains->chains_free;
+    chains->chains_free = after;
 }
 
 /* The four sides of one cell: top and left were met before, bottom and right are new. */
@@ -120,27 +140,9 @@ static void link_sides(struct chains *chains, struct cell *cell, unsigned from, 
 {
     const uint32_t before = cell->owner[from];
     const uint32_t after = cell->owner[to];
-    struct chain *first = &chains->chains[before];
-    struct chain *second = &chains->chains[after];
-    assert(first->tail == cell->at[from].point && second->head == cell->at[to].point);
-    if (before == after) {
-        first->closed = true;
-        return;
-    }
-    const bool overlong = first->overlong || second->overlong ||
-                          first->count + second->count > LIMIT_CONTOUR_POINTS;
-    chains->points[first->tail].next = second->head;
-    first->tail = second->tail;
-    first->count += second->count;
-    first->open += second->open;
-    first->gradient_sum_q3 += second->gradient_sum_q3;
-    first->overlong = overlong;
-    chains->points[first->tail].chain = before;
-    if (overlong) {
-        drop_inside(chains, first);
-    }
-    second->head = chains->chains_free;
-    chains->chains_free = after;
+    assert(chains->chains[before].tail == cell->at[from].point &&
+           chains->chains[after].head == cell->at[to].point);
+    join_chains(chains, before, after);
     for (unsigned i = 0; i < SIDES; i++) {
         if (cell->owner[i] == after) {
             cell->owner[i] = before;
@@ -214,166 +216,212 @@ static void visit_cell(struct chains *chains, struct cell *cell)
     link_cell(chains, cell, entries, entry_count, exits, exit_count);
     for (unsigned i = SIDE_TOP; i <= SIDE_LEFT; i++) {
         if (cell->at[i].point != CHAINS_NONE) {
-            settle_end(chains, cell->owner[i]);
+            settle_ends(chains, cell->owner[i], 1);
         }
     }
 }
 
-static struct chain_end make_end(struct chains *chains, const struct edge *edge)
+/* How far the sweep over one row of cells has come: the next entry of each list, and the left side's point, or
+ * CHAINS_NONE. */
+struct sweep {
+    const struct chain_end *top;
+    const struct edge      *across;
+    const struct edge      *down;
+    struct chain_end       *bottom;
+    uint32_t                left;
+    uint16_t                left_column;
+    bool                    left_forward;
+};
+
+/* The next cell with anything in it, or EDGES_END - 1. A point down column c is the right side of cell c - 1
+ * and then the left side of cell c. */
+static inline unsigned next_column(const struct sweep *at)
 {
-    return (struct chain_end){
-        .point = add_point(chains, edge),
-        .column = edge->column,
-        .forward = edge->forward,
-    };
+    if (at->left != CHAINS_NONE) {
+        return at->left_column; /* nothing is left of it: the cell before has taken what was there */
+    }
+    unsigned column = at->top->column;
+    column = at->across->column < column ? at->across->column : column;
+    return at->down->column <= column ? at->down->column - 1u : column;
 }
 
-/* The most frequent cell: one point from before and one new, and the contour passes from one to the other.
- * Lengthens the contour by the new point, which makes *end of it; what add_point, link_sides and settle_end
- * would do by way of a contour of its own. False, with nothing done, where the cell is not like that. */
-static bool pass_through(struct chains *chains, const struct chain_end *old,
-                         const struct edge *edge, struct chain_end *end)
+static inline void leave_below(struct sweep *at, uint32_t point)
 {
-    /* Both lie on sides of unlike kinds, so equal directions make one an entrance and one an exit. */
-    if (old->forward != edge->forward || chains->points_free == CHAINS_NONE) {
-        return false;
-    }
-    const uint32_t index = chains->points[old->point].chain;
+    at->bottom->point = point;
+    at->bottom->column = at->across->column;
+    at->bottom->forward = at->across->forward;
+    at->bottom++;
+    at->across++;
+}
+
+static inline void leave_beside(struct sweep *at, uint32_t point)
+{
+    at->left = point;
+    at->left_column = at->down->column;
+    at->left_forward = at->down->forward;
+    at->down++;
+}
+
+/* Lengthens the contour of point `old` by one point on the right or below; what add_point, join_chains and settle_ends
+ * would do by way of a contour of its own. False, with nothing done, where it does not pass from one to the other
+ * or is full. */
+static inline bool pass_on(struct chains *chains, struct sweep *at, uint32_t old, bool forward,
+                           bool right)
+{
+    const struct edge *edge = right ? at->down : at->across;
+    const uint32_t index = chains->points[old].chain;
     struct chain *chain = &chains->chains[index];
-    if (chain->overlong || chain->count >= LIMIT_CONTOUR_POINTS) {
+    /* Both lie on sides of unlike kinds, so equal directions make one an entrance and one an exit. */
+    if (forward != edge->forward || chain->count >= LIMIT_CONTOUR_POINTS) {
         return false;
     }
-    const uint32_t point = chains->points_free;
-    struct chain_point *added = &chains->points[point];
-    chains->points_free = added->next;
-    chains->points_used++;
-    if (chains->points_used > chains->points_used_max) {
-        chains->points_used_max = chains->points_used;
-    }
-    added->x_px_q16 = edge->x_px_q16;
-    added->y_px_q16 = edge->y_px_q16;
-    added->chain = index;
-    if (edge->forward) {
-        assert(chain->tail == old->point);
-        added->next = CHAINS_NONE;
-        chains->points[chain->tail].next = point;
-        chain->tail = point;
+    const uint32_t added = chains->points_free;
+    struct chain_point *point = &chains->points[added];
+    chains->points_free = point->next;
+    point->x_px_q16 = edge->x_px_q16;
+    point->y_px_q16 = edge->y_px_q16;
+    point->next = old;
+    point->chain = index;
+    if (forward) {
+        chains->points[old].next = added;
+        chain->tail = added;
     } else {
-        assert(chain->head == old->point);
-        added->next = chain->head;
-        chain->head = point;
+        chain->head = added;
     }
     chain->count++;
     chain->gradient_sum_q3 += edge->gradient_q3;
-    end->point = point;
-    end->column = edge->column;
-    end->forward = edge->forward;
+    if (right) {
+        leave_beside(at, added);
+    } else {
+        leave_below(at, added);
+        at->left = CHAINS_NONE;
+    }
     return true;
+}
+
+/* The contour of the point above goes on with that of the point on the left, or the other way; false, with nothing
+ * done, where both lead in or both lead out. */
+static inline bool join_two(struct chains *chains, struct sweep *at)
+{
+    const bool downwards = at->top->forward;
+    if (downwards == at->left_forward) {
+        return false;
+    }
+    const uint32_t above = chains->points[at->top->point].chain;
+    const uint32_t beside = chains->points[at->left].chain;
+    const uint32_t before = downwards ? above : beside;
+    join_chains(chains, before, downwards ? beside : above);
+    settle_ends(chains, before, 2);
+    at->left = CHAINS_NONE;
+    return true;
+}
+
+/* A new contour from the point below to the one on the right, or the other way. False, with nothing done, where both
+ * lead in or both lead out. */
+static inline bool begin_two(struct chains *chains, struct sweep *at)
+{
+    const bool downwards = at->across->forward;
+    const uint32_t index = chains->chains_free;
+    if (downwards == at->down->forward || index == CHAINS_NONE) {
+        return false;
+    }
+    const uint32_t head = chains->points_free;
+    const uint32_t tail = chains->points[head].next;
+    const struct edge *from = downwards ? at->down : at->across;
+    const struct edge *to = downwards ? at->across : at->down;
+    chains->points_free = chains->points[tail].next;
+    chains->chains_free = chains->chains[index].head;
+    chains->points[head] = (struct chain_point){from->x_px_q16, from->y_px_q16, tail, index};
+    chains->points[tail] = (struct chain_point){to->x_px_q16, to->y_px_q16, CHAINS_NONE, index};
+    chains->chains[index] = (struct chain){
+        .head = head, .tail = tail, .count = 2, .open = 2,
+        .gradient_sum_q3 = (uint64_t)from->gradient_q3 + to->gradient_q3,
+    };
+    leave_below(at, downwards ? tail : head);
+    leave_beside(at, downwards ? head : tail);
+    return true;
+}
+
+/* The frequent kinds of cell, where there is room for every point: one contour passes, begins its two ways from here or
+ * is joined. False, with nothing done, where it is another kind. */
+static inline bool sweep_simple(struct chains *chains, struct sweep *at, unsigned column)
+{
+    const bool bottom = at->across->column == column;
+    const bool right = at->down->column == column + 1;
+    const struct chain_end *top = at->top;
+    bool done;
+    if (top->column != column) {
+        if (at->left == CHAINS_NONE) {
+            return bottom && right && begin_two(chains, at);
+        }
+        return right ? !bottom && pass_on(chains, at, at->left, at->left_forward, true)
+                     : bottom && pass_on(chains, at, at->left, at->left_forward, false);
+    }
+    if (at->left != CHAINS_NONE) {
+        done = !bottom && !right && join_two(chains, at);
+    } else if (right) {
+        done = !bottom && pass_on(chains, at, top->point, top->forward, true);
+    } else {
+        done = bottom && pass_on(chains, at, top->point, top->forward, false);
+    }
+    at->top += done;
+    return done;
 }
 
 static const struct chain_end no_end = {.point = CHAINS_NONE};
 
-/* How far the sweep over one row of cells has come: indices into the lists, and the left side's point. */
-struct sweep {
-    struct chain_end left;
-    uint32_t         top;
-    uint32_t         across;
-    uint32_t         down;
-};
-
-/* The next cell with anything in it, or UINT16_MAX. A point down column c is the right side of cell c - 1
- * and then the left side of cell c. */
-static inline unsigned next_column(const struct chains *chains, const struct edge_row *edges,
-                                   const struct sweep *at)
-{
-    unsigned column = UINT16_MAX;
-    if (at->left.point != CHAINS_NONE) {
-        column = at->left.column;
-    }
-    if (at->top < chains->top_count && chains->top[at->top].column < column) {
-        column = chains->top[at->top].column;
-    }
-    if (at->across < edges->across_count && edges->across[at->across].column < column) {
-        column = edges->across[at->across].column;
-    }
-    if (at->down < edges->down_count) {
-        const unsigned down = edges->down[at->down].column;
-        const unsigned first_cell = down == 0 ? 0 : down - 1;
-        column = first_cell < column ? first_cell : column;
-    }
-    return column;
-}
-
-/* Handles the cell where one contour passes through; false, with nothing done, where it is another kind. */
-static inline bool sweep_passing(struct chains *chains, const struct edge_row *edges,
-                                 struct sweep *at, unsigned column)
-{
-    const bool left = at->left.point != CHAINS_NONE && at->left.column == column;
-    const bool top = at->top < chains->top_count && chains->top[at->top].column == column;
-    const bool bottom =
-        at->across < edges->across_count && edges->across[at->across].column == column;
-    const bool down = at->down < edges->down_count;
-    const bool right = down && edges->down[at->down].column == column + 1;
-    if (left == top || right == bottom || (down && edges->down[at->down].column == column)) {
-        return false;
-    }
-    const struct chain_end *old = left ? &at->left : &chains->top[at->top];
-    const struct edge *edge = right ? &edges->down[at->down] : &edges->across[at->across];
-    struct chain_end end;
-    if (old->point == CHAINS_NONE || !pass_through(chains, old, edge, &end)) {
-        return false;
-    }
-    at->top += top ? 1 : 0;
-    if (right) {
-        at->down++;
-        at->left = end;
-    } else {
-        chains->bottom[at->across++] = end;
-        at->left = no_end;
-    }
-    return true;
-}
-
-static void sweep_any(struct chains *chains, const struct edge_row *edges, struct sweep *at,
-                      unsigned column)
+/* A cell of any kind. Not inlined: the registers are for the frequent ones. */
+static __attribute__((noinline)) void sweep_any(struct chains *chains, struct sweep *at, unsigned column)
 {
     struct cell cell = {.at = {no_end, no_end, no_end, no_end}};
-    if (at->left.point != CHAINS_NONE && at->left.column == column) {
-        cell.at[SIDE_LEFT] = at->left;
-    } else if (at->down < edges->down_count && edges->down[at->down].column == column) {
-        cell.at[SIDE_LEFT] = make_end(chains, &edges->down[at->down++]); /* column 0 */
+    cell.at[SIDE_LEFT] = (struct chain_end){at->left, at->left_column, at->left_forward};
+    at->left = CHAINS_NONE;
+    if (at->down->column == column + 1) {
+        leave_beside(at, add_point(chains, at->down));
+        cell.at[SIDE_RIGHT] = (struct chain_end){at->left, at->left_column, at->left_forward};
     }
-    if (at->down < edges->down_count && edges->down[at->down].column == column + 1) {
-        cell.at[SIDE_RIGHT] = make_end(chains, &edges->down[at->down++]);
+    if (at->top->column == column) {
+        cell.at[SIDE_TOP] = *at->top++;
     }
-    if (at->top < chains->top_count && chains->top[at->top].column == column) {
-        cell.at[SIDE_TOP] = chains->top[at->top++];
-    }
-    if (at->across < edges->across_count && edges->across[at->across].column == column) {
-        cell.at[SIDE_BOTTOM] = make_end(chains, &edges->across[at->across]);
-        chains->bottom[at->across++] = cell.at[SIDE_BOTTOM];
+    if (at->across->column == column) {
+        leave_below(at, add_point(chains, at->across));
+        cell.at[SIDE_BOTTOM] = at->bottom[-1];
     }
     visit_cell(chains, &cell);
-    at->left = cell.at[SIDE_RIGHT];
 }
 
 static void sweep_cells(struct chains *chains, const struct edge_row *edges)
 {
-    struct sweep at = {.left = no_end};
-    unsigned column = next_column(chains, edges, &at);
-    while (column != UINT16_MAX) {
-        if (!sweep_passing(chains, edges, &at, column)) {
-            sweep_any(chains, edges, &at, column);
+    struct sweep at = {
+        .top = chains->top,
+        .across = edges->across,
+        .down = edges->down,
+        .bottom = chains->bottom,
+        .left = CHAINS_NONE,
+    };
+    if (at.down->column == 0) {
+        leave_beside(&at, add_point(chains, at.down));
+    }
+    const bool room = !chains->truncated && chains->points_used <= chains->points_size;
+    unsigned column = next_column(&at);
+    while (column < EDGES_END - 1u) {
+        if (!room || !sweep_simple(chains, &at, column)) {
+            struct sweep apart = at; /* so that `at` itself may live in registers */
+            sweep_any(chains, &apart, column);
+            at = apart;
         }
-        column = next_column(chains, edges, &at);
+        column = next_column(&at);
     }
 }
 
 void chains_link_row(struct chains *chains, const struct edge_row *edges, bool first_row)
 {
+    chains->points_used += edges->across_count + edges->down_count;
     if (first_row) {
         for (uint32_t i = 0; i < edges->across_count; i++) {
-            chains->bottom[i] = make_end(chains, &edges->across[i]);
+            const struct edge *edge = &edges->across[i];
+            chains->bottom[i] =
+                (struct chain_end){add_point(chains, edge), edge->column, edge->forward};
         }
     } else {
         sweep_cells(chains, edges);
@@ -382,6 +430,10 @@ void chains_link_row(struct chains *chains, const struct edge_row *edges, bool f
     chains->top = chains->bottom;
     chains->bottom = swap;
     chains->top_count = edges->across_count;
+    chains->top[chains->top_count].column = EDGES_END;
+    if (chains->points_used > chains->points_used_max) {
+        chains->points_used_max = chains->points_used;
+    }
 }
 
 void chains_end(struct chains *chains)
@@ -389,37 +441,38 @@ void chains_end(struct chains *chains)
     for (uint32_t i = 0; i < chains->top_count; i++) {
         const uint32_t point = chains->top[i].point;
         if (point != CHAINS_NONE) {
-            settle_end(chains, chains->points[point].chain);
+            settle_ends(chains, chains->points[point].chain, 1);
         }
     }
     chains->top_count = 0;
 }
 
-/* Copies a contour's points to `out`, which may be NULL, and gives all that it held back. */
-static void release_chain(struct chains *chains, uint32_t index, struct contour *out)
+static void copy_points(const struct chains *chains, const struct chain *chain, struct contour *out)
+{
+    const uint32_t count = chain->count;
+    int32_t *x_px_q16 = out->x_px_q16;
+    int32_t *y_px_q16 = out->y_px_q16;
+    uint32_t point = chain->head;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct chain_point *at = &chains->points[point];
+        x_px_q16[i] = at->x_px_q16;
+        y_px_q16[i] = at->y_px_q16;
+        point = at->next;
+    }
+    out->count = count;
+    out->closed = chain->closed;
+    out->gradient_mean_q3 = fx_saturate_u16((int64_t)(chain->gradient_sum_q3 / chain->count));
+}
+
+/* Gives back all that the contour held. */
+static void release_chain(struct chains *chains, uint32_t index)
 {
     struct chain *chain = &chains->chains[index];
-    uint32_t point = chain->head;
-    uint32_t count = 0;
-    for (;;) {
-        const struct chain_point at = chains->points[point];
-        if (out != NULL) {
-            out->x_px_q16[count] = at.x_px_q16;
-            out->y_px_q16[count] = at.y_px_q16;
-        }
-        count++;
-        const bool last = point == chain->tail;
-        free_point(chains, point);
-        if (last) {
-            break;
-        }
-        point = at.next;
-    }
-    if (out != NULL) {
-        out->count = count;
-        out->closed = chain->closed;
-        out->gradient_mean_q3 = fx_saturate_u16((int64_t)(chain->gradient_sum_q3 / chain->count));
-    }
+    const uint32_t held = is_overlong(chain) ? 2 : chain->count;
+    assert(chains->points_used >= held);
+    chains->points_used -= held;
+    chains->points[chain->tail].next = chains->points_free;
+    chains->points_free = chain->head;
     chain->head = chains->chains_free;
     chains->chains_free = index;
 }
@@ -429,8 +482,11 @@ bool chains_take(struct chains *chains, uint32_t shortest, struct contour *out)
     while (chains->finished_taken < chains->finished_count) {
         const uint32_t index = chains->finished[chains->finished_taken++];
         const struct chain *chain = &chains->chains[index];
-        const bool wanted = chain->count >= shortest && !chain->overlong;
-        release_chain(chains, index, wanted ? out : NULL);
+        const bool wanted = chain->count >= shortest && !is_overlong(chain);
+        if (wanted) {
+            copy_points(chains, chain, out);
+        }
+        release_chain(chains, index);
         if (wanted) {
             return true;
         }

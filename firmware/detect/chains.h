@@ -16,18 +16,17 @@
 struct chain_point {
     int32_t  x_px_q16;
     int32_t  y_px_q16;
-    uint32_t next;  /* index of the next point with the dark side on the left, or CHAINS_NONE */
+    uint32_t next;  /* index of the next point with the dark side on the left; of a contour's last point: any */
     uint32_t chain; /* its contour; only true at a contour's two ends                          */
 };
 
 struct chain {
     uint32_t head;
     uint32_t tail;
-    uint32_t count;    /* points, including those no longer kept when it is overlong */
-    uint32_t open;     /* points whose second cell has not been looked at */
+    uint32_t count; /* points; of more than LIMIT_CONTOUR_POINTS only the two ends are kept */
+    uint32_t open;  /* points whose second cell has not been looked at */
     uint64_t gradient_sum_q3;
     bool     closed;
-    bool     overlong; /* longer than LIMIT_CONTOUR_POINTS: only its ends are kept */
 };
 
 /* A point whose second cell comes later. */
@@ -41,7 +40,7 @@ struct chains {
     struct chain_point *points;
     struct chain       *chains;
     uint32_t           *finished;        /* indices of contours, in the order they ended   */
-    struct chain_end   *top;             /* the points across row y - 1, by rising column  */
+    struct chain_end   *top;             /* the points across row y - 1, by rising column, and an EDGES_END */
     struct chain_end   *bottom;          /* those across row y                             */
     uint32_t            points_size;
     uint32_t            chains_size;
@@ -51,7 +50,7 @@ struct chains {
     uint32_t            finished_taken;
     uint32_t            top_count;
     uint32_t            points_used;
-    uint32_t            points_used_max; /* high-water mark of the frame                   */
+    uint32_t            points_used_max; /* the most that rows of the frame ended with */
     bool                truncated;       /* a point had to be dropped: no room             */
 };
 

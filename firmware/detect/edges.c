@@ -9,7 +9,7 @@
 void edges_init(struct edge_row *out, struct arena *arena, unsigned width)
 {
     out->across = arena_take(arena, width, sizeof(struct edge));
-    out->down = arena_take(arena, width, sizeof(struct edge));
+    out->down = arena_take(arena, width + 1, sizeof(struct edge));
     out->across_count = 0;
     out->down_count = 0;
 }
@@ -148,4 +148,5 @@ void edges_scan_row(const struct dsp_gradient *above, const struct dsp_gradient 
             scan_down(above, row, x, y, out);
         }
     }
+    edges_end_lists(out);
 }

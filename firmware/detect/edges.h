@@ -25,12 +25,22 @@ struct edge {
     bool     forward;
 };
 
+/* The column of what is behind the last point of a list: higher than any. */
+#define EDGES_END UINT16_MAX
+
+/* Behind each list's last point is one in column EDGES_END. */
 struct edge_row {
     struct edge *across;       /* on row y, between columns c and c + 1, by rising c */
     struct edge *down;         /* on column c, between rows y - 1 and y, by rising c */
     uint32_t     across_count; /* at most width - 1 */
     uint32_t     down_count;   /* at most width     */
 };
+
+static inline void edges_end_lists(struct edge_row *row)
+{
+    row->across[row->across_count].column = EDGES_END;
+    row->down[row->down_count].column = EDGES_END;
+}
 
 void edges_init(struct edge_row *out, struct arena *arena, unsigned width);
 

@@ -214,6 +214,7 @@ static void link_line_down(uint32_t rows, uint16_t column)
                                         .column = column, .forward = true};
         edges.across_count = 1;
         edges.down_count = 0;
+        edges_end_lists(&edges);
         chains_link_row(&chains, &edges, y == 0);
     }
 }
@@ -264,6 +265,7 @@ static void full_pool_says_so_keeps_going_and_recovers(void)
         }
         edges.across_count = WIDTH - 1;
         edges.down_count = 0;
+        edges_end_lists(&edges);
         chains_link_row(&chains, &edges, y == 0);
     }
     chains_end(&chains);
@@ -291,6 +293,7 @@ static void smallest_frames_link_nothing(void)
     start(1, 1);
     edges.across_count = 0;
     edges.down_count = 0;
+    edges_end_lists(&edges);
     chains_link_row(&chains, &edges, true);
     chains_end(&chains);
     TEST_ASSERT_FALSE(chains_take(&chains, 1, &contour));
