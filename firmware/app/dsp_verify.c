@@ -16,6 +16,8 @@ static struct {
     uint16_t            grey_q4[LIMIT_SIDE_PX];
     int16_t             rows[5][LIMIT_SIDE_PX];
     int8_t              side[LIMIT_SIDE_PX];
+    uint32_t            square_q6[LIMIT_SIDE_PX];
+    int32_t             steered_qm6[LIMIT_SIDE_PX];
     int64_t             sums[DSP_PRODUCTS];
     struct rimrow_batch batch;
     uint32_t            squares[8];
@@ -74,8 +76,9 @@ static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsig
 static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out)
 {
-    const struct dsp_gradient expected = {plain.rows[0], plain.rows[1], plain.rows[2],
-                                          plain.rows[3], plain.rows[4], NULL};
+    const struct dsp_gradient expected = {.x_q3 = plain.rows[0], .y_q3 = plain.rows[1],
+                                          .xx_q2 = plain.rows[2], .xy_q2 = plain.rows[3],
+                                          .yy_q2 = plain.rows[4]};
     checked->along_y(taps, rows, width, out);
     dsp_scalar.along_y(taps, rows, width, &expected);
     demand(is_same(out->x_q3, expected.x_q3, width, sizeof(int16_t)) &&
@@ -89,9 +92,16 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
 {
     struct dsp_gradient expected = *out;
     expected.side = plain.side;
+    expected.square_q6 = plain.square_q6;
+    expected.steered_qm6 = plain.steered_qm6;
     checked->sides(threshold_q6, width, out);
     dsp_scalar.sides(threshold_q6, width, &expected);
-    demand(is_same(out->side, plain.side, width, sizeof(int8_t)), "sides", width);
+    bool same = is_same(out->side, plain.side, width, sizeof(int8_t));
+    for (unsigned x = 0; x < width; x++) {
+        same = same && (plain.side[x] == 0 || (out->square_q6[x] == plain.square_q6[x] &&
+                                               out->steered_qm6[x] == plain.steered_qm6[x]));
+    }
+    demand(same, "sides", width);
 }
 
 static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS])

@@ -3,6 +3,7 @@
 #include "firmware/detect/chains.h"
 
 #include "common/fx/fx.h"
+#include "firmware/detect/profile.h"
 #include "firmware/limits.h"
 
 /* Open contours have an end on the last row or in the cell at hand; finished ones wait until the row
@@ -71,7 +72,7 @@ static uint32_t add_point(struct chains *chains, const struct edge *edge)
         .tail = point,
         .count = 1,
         .open = 1,
-        .gradient_sum_q3 = edge->gradient_q3,
+        .squares_q6 = edge->squares_q6,
     };
     return point;
 }
@@ -119,7 +120,7 @@ static void join_chains(struct chains *chains, uint32_t before, uint32_t after)
     first->tail = second->tail;
     first->count += second->count;
     first->open += second->open;
-    first->gradient_sum_q3 += second->gradient_sum_q3;
+    first->squares_q6 += second->squares_q6;
     if (is_overlong(first)) {
         drop_inside(chains, first);
     }
@@ -289,7 +290,7 @@ static inline bool pass_on(struct chains *chains, struct sweep *at, uint32_t old
         chain->head = added;
     }
     chain->count++;
-    chain->gradient_sum_q3 += edge->gradient_q3;
+    chain->squares_q6 += edge->squares_q6;
     if (right) {
         leave_beside(at, added);
     } else {
@@ -335,7 +336,7 @@ static inline bool begin_two(struct chains *chains, struct sweep *at)
     chains->points[tail] = (struct chain_point){to->x_px_q16, to->y_px_q16, CHAINS_NONE, index};
     chains->chains[index] = (struct chain){
         .head = head, .tail = tail, .count = 2, .open = 2,
-        .gradient_sum_q3 = (uint64_t)from->gradient_q3 + to->gradient_q3,
+        .squares_q6 = (uint64_t)from->squares_q6 + to->squares_q6,
     };
     leave_below(at, downwards ? tail : head);
     leave_beside(at, downwards ? head : tail);
@@ -461,7 +462,9 @@ static void copy_points(const struct chains *chains, const struct chain *chain, 
     }
     out->count = count;
     out->closed = chain->closed;
-    out->gradient_mean_q3 = fx_saturate_u16((int64_t)(chain->gradient_sum_q3 / chain->count));
+    /* Two pixels a point; the mean is below 2^30. */
+    const uint32_t mean_q6 = (uint32_t)(chain->squares_q6 / (2 * (uint64_t)count));
+    out->gradient_mean_q3 = fx_saturate_u16(profile_root_q24(mean_q6) >> 12);
 }
 
 /* Gives back all that the contour held. */

@@ -25,7 +25,7 @@ struct chain {
     uint32_t tail;
     uint32_t count; /* points; of more than LIMIT_CONTOUR_POINTS only the two ends are kept */
     uint32_t open;  /* points whose second cell has not been looked at */
-    uint64_t gradient_sum_q3;
+    uint64_t squares_q6; /* the sum of its points' */
     bool     closed;
 };
 
@@ -59,7 +59,7 @@ struct contour {
     int32_t *x_px_q16;         /* LIMIT_CONTOUR_POINTS each */
     int32_t *y_px_q16;
     uint32_t count;
-    uint16_t gradient_mean_q3;
+    uint16_t gradient_mean_q3; /* root mean square of |gradient| at all points' pixels */
     bool     closed;
 };
 

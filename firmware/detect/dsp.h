@@ -32,6 +32,9 @@ struct dsp_gradient {
     /* The second derivative along the gradient: +1 where it is positive or zero (the dark side of an
      * edge), -1 where negative (the bright side), 0 where the gradient is below the threshold. */
     int8_t  *side;
+    /* Where `side` is not 0: x_q3^2 + y_q3^2, below 2^30; the steered second derivative (dsp_steered_q8) over 2^14. */
+    uint32_t *square_q6;
+    int32_t  *steered_qm6;
 };
 
 /* Columns of samples whose pairwise sums of products are wanted: the normal equations of rim.h. */
@@ -53,7 +56,7 @@ struct dsp_kernels {
     /* rows[0..2 radius] are the filtered rows around the output row, from above to below. */
     void (*along_y)(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out);
-    /* Fills out->side from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
+    /* Fills out->side, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
     void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
     /* Adds to sums, for each row i and column j <= i, the sum over k < count of c[i][k] c[j][k], where column
      * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.
@@ -83,7 +86,7 @@ extern const struct dsp_kernels dsp_neon;
 
 /* gx^2 gxx + 2 gx gy gxy + gy^2 gyy, the second derivative along the gradient times the gradient's
  * square (Freeman and Adelson 1991: the second-derivative filter steered to the dominant
- * orientation). Q8; below 2^44. */
+ * orientation). Q8; below 2^45. */
 static inline int64_t dsp_steered_q8(const struct dsp_gradient *g, unsigned x)
 {
     const int32_t gx = g->x_q3[x];

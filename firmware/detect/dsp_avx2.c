@@ -5,6 +5,14 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
+/* Unpacking has left the quarters of a row as first, third and second, fourth. */
+static inline void store_wide(void *out, __m256i low, __m256i high)
+{
+    __m256i *at = (__m256i *)out;
+    _mm256_storeu_si256(at, _mm256_permute2x128_si256(low, high, 0x20));
+    _mm256_storeu_si256(at + 1, _mm256_permute2x128_si256(low, high, 0x31));
+}
+
 #define VEC              __m256i
 #define LANES            16u
 #define V(op)            _mm256_##op
@@ -14,6 +22,7 @@
 #define STORE_HALF(p, v) _mm_storeu_si128((__m128i *)(void *)(p), \
                                           _mm_packs_epi16(_mm256_castsi256_si128(v), \
                                                           _mm256_extracti128_si256(v, 1)))
+#define STORE_WIDE(p, s) store_wide(p, (s).low, (s).high)
 #define QUARTERS(v)      _mm_add_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))
 #define AND(a, b)        _mm256_and_si256(a, b)
 #define ANDNOT(a, b)     _mm256_andnot_si256(a, b)

@@ -170,7 +170,7 @@ static void along_y(const struct taps *taps, const struct dsp_row rows[], unsign
     }
 }
 
-/* The sign of the steered derivative of four pixels, see dsp_x86_rows.h: negative, or not. */
+/* The steered derivative of four pixels over 2^14, see dsp_x86_rows.h. */
 static inline int32x4_t steered(int16x4_t gx, int16x4_t gy, int16x4_t gxx, int16x4_t gxy,
                                 int16x4_t gyy)
 {
@@ -179,12 +179,12 @@ static inline int32x4_t steered(int16x4_t gx, int16x4_t gy, int16x4_t gxx, int16
     const int32x4_t upper =
         vmlal_s16(vmull_s16(gx, vrshrn_n_s32(u, 16)), gy, vrshrn_n_s32(v, 16));
     const int32x4_t lower = vmlal_s16(vmull_s16(gx, vmovn_s32(u)), gy, vmovn_s32(v));
-    return vsraq_n_s32(upper, lower, 16);
+    return vsraq_n_s32(vshlq_n_s32(upper, 2), lower, 14);
 }
 
-static inline uint16x4_t is_strong(int16x4_t gx, int16x4_t gy, int32x4_t threshold_q6)
+static inline int32x4_t square(int16x4_t gx, int16x4_t gy)
 {
-    return vmovn_u32(vcgeq_s32(vmlal_s16(vmull_s16(gx, gx), gy, gy), threshold_q6));
+    return vmlal_s16(vmull_s16(gx, gx), gy, gy);
 }
 
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
@@ -197,9 +197,10 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
         const int16x8_t gx = vld1q_s16(out->x_q3 + x);
         const int16x8_t gy = vld1q_s16(out->y_q3 + x);
-        const uint16x8_t strong16 =
-            vcombine_u16(is_strong(vget_low_s16(gx), vget_low_s16(gy), threshold),
-                         is_strong(vget_high_s16(gx), vget_high_s16(gy), threshold));
+        const int32x4_t square_low = square(vget_low_s16(gx), vget_low_s16(gy));
+        const int32x4_t square_high = square(vget_high_s16(gx), vget_high_s16(gy));
+        const uint16x8_t strong16 = vcombine_u16(vmovn_u32(vcgeq_s32(square_low, threshold)),
+                                                 vmovn_u32(vcgeq_s32(square_high, threshold)));
         const uint8x8_t strong = vmovn_u16(strong16);
         int8x8_t side = vdup_n_s8(0);
         if (vget_lane_u64(vreinterpret_u64_u8(strong), 0) != 0) {
@@ -216,6 +217,10 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
             const int16x8_t sign = vcombine_s16(vmovn_s32(vshrq_n_s32(low, 31)),
                                                 vmovn_s32(vshrq_n_s32(high, 31)));
             side = vand_s8(vorr_s8(vmovn_s16(sign), vdup_n_s8(1)), vreinterpret_s8_u8(strong));
+            vst1q_u32(out->square_q6 + x, vreinterpretq_u32_s32(square_low));
+            vst1q_u32(out->square_q6 + x + 4, vreinterpretq_u32_s32(square_high));
+            vst1q_s32(out->steered_qm6 + x, low);
+            vst1q_s32(out->steered_qm6 + x + 4, high);
         }
         vst1_s8(out->side + x, side);
     }

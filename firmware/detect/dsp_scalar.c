@@ -66,10 +66,14 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     for (unsigned x = 0; x < width; x++) {
         const int32_t gx = out->x_q3[x];
         const int32_t gy = out->y_q3[x];
-        if ((uint32_t)(gx * gx) + (uint32_t)(gy * gy) < threshold_q6) {
+        const uint32_t square_q6 = (uint32_t)(gx * gx) + (uint32_t)(gy * gy);
+        if (square_q6 < threshold_q6) {
             out->side[x] = 0;
         } else {
-            out->side[x] = dsp_steered_q8(out, x) >= 0 ? 1 : -1;
+            const int64_t steered_q8 = dsp_steered_q8(out, x);
+            out->side[x] = steered_q8 >= 0 ? 1 : -1;
+            out->square_q6[x] = square_q6;
+            out->steered_qm6[x] = (int32_t)(steered_q8 >> 14);
         }
     }
 }

@@ -14,6 +14,13 @@ static inline __m128i rounded_product(__m128i a, __m128i b)
                          _mm_add_epi16(_mm_srli_epi16(low, 15), one));
 }
 
+static inline void store_wide(void *out, __m128i low, __m128i high)
+{
+    __m128i *at = (__m128i *)out;
+    _mm_storeu_si128(at, low);
+    _mm_storeu_si128(at + 1, high);
+}
+
 #define VEC              __m128i
 #define LANES            8u
 #define V(op)            _mm_##op
@@ -22,6 +29,7 @@ static inline __m128i rounded_product(__m128i a, __m128i b)
 #define LOAD_BYTES(p)    _mm_unpacklo_epi8(_mm_loadl_epi64((const __m128i *)(const void *)(p)), \
                                            _mm_setzero_si128())
 #define STORE_HALF(p, v) _mm_storel_epi64((__m128i *)(void *)(p), _mm_packs_epi16(v, v))
+#define STORE_WIDE(p, s) store_wide(p, (s).low, (s).high)
 #define QUARTERS(v)      (v)
 #define AND(a, b)        _mm_and_si128(a, b)
 #define ANDNOT(a, b)     _mm_andnot_si128(a, b)

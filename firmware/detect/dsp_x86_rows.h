@@ -5,6 +5,7 @@
  *   LOAD, STORE    unaligned, whole registers
  *   LOAD_BYTES     LANES bytes, each widened to 16 bits
  *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
+ *   STORE_WIDE     a `struct sum` as LANES 32-bit values in order
  *   QUARTERS       a 128-bit register of four sums over a register's 32-bit values
  *   ROUNDED        (a b + 2^14) >> 15 of 16-bit values: rimrow_lanes.h
  *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
@@ -217,12 +218,12 @@ static void along_y(const struct taps *taps, const struct dsp_row rows[], unsign
     }
 }
 
-/* The sides of half a block, 32 bits each, from pairs (gx, gy), (gxx, gxy), (gxy, gyy).
+/* The steered second derivatives of half a block over 2^14, from pairs (gx, gy), (gxx, gxy), (gxy, gyy).
  *
- * u = (gxx, gxy) . g and v = (gxy, gyy) . g need 32 bits, and u gx + v gy 44. Split u = 2^16 u1 + u0 with
+ * u = (gxx, gxy) . g and v = (gxy, gyy) . g need 32 bits, and u gx + v gy 45. Split u = 2^16 u1 + u0 with
  * -2^15 <= u0 < 2^15, and v alike: then u gx + v gy = 2^16 (u1 gx + v1 gy) + (u0 gx + v0 gy), two more
- * pairwise products, and its sign is that of the first sum plus the second one's upper half. */
-static inline VEC half_sides(VEC g, VEC u_row, VEC v_row, VEC strong)
+ * pairwise products. */
+static inline VEC half_steered(VEC g, VEC u_row, VEC v_row)
 {
     const VEC low_mask = V(set1_epi32)(0xffff);
     const VEC round = V(set1_epi32)(0x8000);
@@ -231,9 +232,14 @@ static inline VEC half_sides(VEC g, VEC u_row, VEC v_row, VEC strong)
     const VEC upper = OR(V(srli_epi32)(V(add_epi32)(u, round), 16),
                          ANDNOT(low_mask, V(add_epi32)(v, round)));
     const VEC lower = OR(AND(u, low_mask), V(slli_epi32)(v, 16));
-    const VEC whole = V(add_epi32)(V(madd_epi16)(g, upper),
-                                   V(srai_epi32)(V(madd_epi16)(g, lower), 16));
-    return AND(OR(V(srai_epi32)(whole, 31), V(set1_epi32)(1)), strong);
+    return V(add_epi32)(V(slli_epi32)(V(madd_epi16)(g, upper), 2),
+                        V(srai_epi32)(V(madd_epi16)(g, lower), 14));
+}
+
+/* 1 or -1 by the sign, where strong. */
+static inline VEC half_sides(VEC steered, VEC strong)
+{
+    return AND(OR(V(srai_epi32)(steered, 31), V(set1_epi32)(1)), strong);
 }
 
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
@@ -245,15 +251,20 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
     const VEC below = V(set1_epi32)((int)threshold_q6 - 1);
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
         const struct sum g = interleave(LOAD(out->x_q3 + x), LOAD(out->y_q3 + x));
-        const VEC strong_low = V(cmpgt_epi32)(V(madd_epi16)(g.low, g.low), below);
-        const VEC strong_high = V(cmpgt_epi32)(V(madd_epi16)(g.high, g.high), below);
+        const struct sum square = {V(madd_epi16)(g.low, g.low), V(madd_epi16)(g.high, g.high)};
+        const VEC strong_low = V(cmpgt_epi32)(square.low, below);
+        const VEC strong_high = V(cmpgt_epi32)(square.high, below);
         VEC both = ZERO;
         if (ANY(OR(strong_low, strong_high))) {
             const VEC xy = LOAD(out->xy_q2 + x);
             const struct sum u_row = interleave(LOAD(out->xx_q2 + x), xy);
             const struct sum v_row = interleave(xy, LOAD(out->yy_q2 + x));
-            both = V(packs_epi32)(half_sides(g.low, u_row.low, v_row.low, strong_low),
-                                  half_sides(g.high, u_row.high, v_row.high, strong_high));
+            const struct sum steered = {half_steered(g.low, u_row.low, v_row.low),
+                                        half_steered(g.high, u_row.high, v_row.high)};
+            both = V(packs_epi32)(half_sides(steered.low, strong_low),
+                                  half_sides(steered.high, strong_high));
+            STORE_WIDE(out->square_q6 + x, square);
+            STORE_WIDE(out->steered_qm6 + x, steered);
         }
         STORE_HALF(out->side + x, both);
     }

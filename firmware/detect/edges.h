@@ -18,8 +18,8 @@
 struct edge {
     int32_t  x_px_q16;
     int32_t  y_px_q16;
-    uint16_t gradient_q3; /* |gradient|, RMS of the two pixels beside, grey_q4 a pixel, saturated */
-    uint16_t column;      /* the pixel column at its left, or its own             */
+    uint32_t squares_q6; /* |gradient|^2, (grey_q4 a pixel)^2, the sum of the two pixels beside; below 2^31 */
+    uint16_t column;     /* the pixel column at its left, or its own */
     /* Walking along the edge with the dark side on the left, this point is passed downwards (points
      * across a row) or rightwards (points down a column). */
     bool     forward;

@@ -13,7 +13,7 @@ extern const uint16_t profile_edge_q15[257];
 extern const uint16_t profile_bell_q15[257];
 extern const uint16_t profile_root_q14[193];
 extern const uint16_t profile_inverse_q15[193];
-extern const uint16_t profile_cube_q14[130];
+extern const uint16_t profile_cube_share_q15[258];
 
 /* Between table entries; at_q16 counts entries. */
 static inline int32_t profile_between(const uint16_t *table, uint32_t at_q16)
@@ -68,10 +68,12 @@ static inline uint32_t profile_inverse_q16(uint32_t x_q24)
     return (uint32_t)(((uint64_t)inverse_q15 << (shift / 2)) >> 2);
 }
 
-/* x sqrt(x) for x in [0, 2], Q14: the third power of what x is the square of. */
-static inline uint32_t profile_cube(uint32_t x_q22)
+/* a^3 / (a^3 + b^3) by a^2 / (a^2 + b^2). share_q16 is in 0..65537. */
+static inline uint32_t profile_cube_share_q16(uint32_t share_q16)
 {
-    return (uint32_t)profile_between(profile_cube_q14, x_q22);
+    const uint16_t *table = profile_cube_share_q15 + (share_q16 >> 8);
+    const int32_t step = (int32_t)table[1] - table[0];
+    return (uint32_t)(table[0] * 256 + step * (int32_t)(share_q16 & 0xffu)) >> 7;
 }
 
 #endif

@@ -4,7 +4,7 @@
  *   dump_stages FRAME FOLDER
  *
  *   steer.csv     y,x,x_q3,y_q3,xx_q2,xy_q2,yy_q2,side
- *   edges.csv     across,row,column,x_q16,y_q16,gradient_q3      row, column: the first of its two pixels
+ *   edges.csv     across,row,column,x_q16,y_q16,squares_q6      row, column: the first of its two pixels
  *   contours.csv  contour,closed,x_q16,y_q16         points in their order
  *   fits.csv      contour,x_q16,y_q16,xx_q12,xy_q12,yy_q12,refit_x_q16,refit_y_q16,refit_xx_q12,
  *                 refit_xy_q12,refit_yy_q12,residual_q16,area_x_q16,area_y_q16,area_xx_q12,area_xy_q12,
@@ -55,8 +55,8 @@ static void put_gradient(FILE *out, const struct dsp_gradient *g, unsigned y, un
 static void put_edges(FILE *out, const struct edge *edges, uint32_t count, int across, unsigned row)
 {
     for (uint32_t i = 0; i < count; i++) {
-        (void)fprintf(out, "%d,%u,%u,%" PRId32 ",%" PRId32 ",%u\n", across, row, edges[i].column,
-                      edges[i].x_px_q16, edges[i].y_px_q16, edges[i].gradient_q3);
+        (void)fprintf(out, "%d,%u,%u,%" PRId32 ",%" PRId32 ",%" PRIu32 "\n", across, row,
+                      edges[i].column, edges[i].x_px_q16, edges[i].y_px_q16, edges[i].squares_q6);
     }
 }
 
@@ -97,7 +97,7 @@ static void put_contours(FILE *contours, FILE *fits, unsigned *number)
 static void dump(const struct frame_view *frame, const char *folder)
 {
     FILE *steer = create(folder, "steer.csv", "y,x,x_q3,y_q3,xx_q2,xy_q2,yy_q2,side");
-    FILE *edges = create(folder, "edges.csv", "across,row,column,x_q16,y_q16,gradient_q3");
+    FILE *edges = create(folder, "edges.csv", "across,row,column,x_q16,y_q16,squares_q6");
     FILE *contours = create(folder, "contours.csv", "contour,closed,x_q16,y_q16");
     FILE *fits = create(folder, "fits.csv",
                         "contour,x_q16,y_q16,xx_q12,xy_q12,yy_q12,refit_x_q16,refit_y_q16,"

@@ -156,9 +156,9 @@ def test_edge_points_are_zeros_of_the_second_over_the_first_derivative(frame):
     q_error = (second_bound(d, bounds) + np.abs(q) * unsure) / np.maximum(size - unsure, 1)
     reference = crossings(d, GRADIENT_MIN)
     found = {}
-    for across, row, column, x, y, gradient_q3 in frame.edges:
+    for across, row, column, x, y, squares_q6 in frame.edges:
         fraction = x / 65536 - column if across else y / 65536 - row
-        found[(bool(across), int(row), int(column))] = (fraction, gradient_q3 / 8)
+        found[(bool(across), int(row), int(column))] = (fraction, np.sqrt(squares_q6 / 2) / 8)
 
     both = sorted(set(found) & set(reference))
     assert len(both) > 5000
@@ -174,8 +174,8 @@ def test_edge_points_are_zeros_of_the_second_over_the_first_derivative(frame):
         errors.append(found[name][0] - fraction)
         steepness.append(found[name][1] - gradient)
     show("edge points, px", errors, np.array(limits))
-    # As x and y; roots looked up to 3e-5; half a unit of the format.
-    show("their gradients", steepness, unsure + 3e-5 * size.max() + 1 / 16)
+    # As x and y.
+    show("their gradients", steepness, unsure)
 
     # What only one of them has is where sign, threshold or the way to the bright side is in doubt.
     for name in set(found) ^ set(reference):

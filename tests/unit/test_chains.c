@@ -210,7 +210,7 @@ static void link_line_down(uint32_t rows, uint16_t column)
 {
     for (uint32_t y = 0; y < rows; y++) {
         edges.across[0] = (struct edge){.x_px_q16 = column * 65536 + 32768, .y_px_q16 = (int32_t)y * 65536,
-                                        .gradient_q3 = (uint16_t)(y % 2 ? 1000 : 3000),
+                                        .squares_q6 = y % 2 ? 2 * 1000 * 1000 : 2 * 3000 * 3000,
                                         .column = column, .forward = true};
         edges.across_count = 1;
         edges.down_count = 0;
@@ -230,7 +230,7 @@ static void longest_contour_is_kept_whole_and_a_longer_one_is_dropped(void)
     for (uint32_t i = 0; i < contour.count; i++) { /* forward: downwards */
         TEST_ASSERT_EQUAL_INT32(i * 65536, contour.y_px_q16[i]);
     }
-    TEST_ASSERT_EQUAL_UINT16(2000, contour.gradient_mean_q3);
+    TEST_ASSERT_EQUAL_UINT16(2236, contour.gradient_mean_q3); /* root of 5 million */
     TEST_ASSERT_FALSE(chains_take(&chains, 2, &contour));
 
     chains_begin(&chains);
@@ -260,7 +260,7 @@ static void full_pool_says_so_keeps_going_and_recovers(void)
     for (uint32_t y = 0; y < HEIGHT; y++) {
         for (uint16_t c = 0; c + 1 < WIDTH; c++) {
             edges.across[c] = (struct edge){.x_px_q16 = c * 65536 + 32768,
-                                            .y_px_q16 = (int32_t)y * 65536, .gradient_q3 = 1,
+                                            .y_px_q16 = (int32_t)y * 65536, .squares_q6 = 1,
                                             .column = c, .forward = c % 2 == 0};
         }
         edges.across_count = WIDTH - 1;

@@ -16,6 +16,8 @@ static uint16_t luma[ROWS_MAX][WIDTH_MAX + 2 * TAPS_RADIUS_MAX];
 static int16_t  along_x[ROWS_MAX][3][WIDTH_MAX + 1]; /* one more: a guard */
 static int16_t  derived[5][WIDTH_MAX + 1];
 static int8_t   side[WIDTH_MAX + 1];
+static uint32_t square_q6[WIDTH_MAX + 1];
+static int32_t  steered_qm6[WIDTH_MAX + 1];
 static struct dsp_row filtered[ROWS_MAX];
 static struct dsp_gradient gradient;
 
@@ -46,6 +48,12 @@ static double exact(const struct taps *taps, int dx, int dy, unsigned x)
     return sum;
 }
 
+static struct dsp_gradient own_gradient(void)
+{
+    return (struct dsp_gradient){derived[0], derived[1], derived[2], derived[3], derived[4],
+                                 side, square_q6, steered_qm6};
+}
+
 static void run(const struct taps *taps, unsigned width)
 {
     for (unsigned r = 0; r <= 2 * taps->radius; r++) {
@@ -59,7 +67,7 @@ static void run(const struct taps *taps, unsigned width)
         derived[k][width] = GUARD;
     }
     side[width] = 0x3c;
-    gradient = (struct dsp_gradient){derived[0], derived[1], derived[2], derived[3], derived[4], side};
+    gradient = own_gradient();
     dsp_scalar.along_y(taps, filtered, width, &gradient);
     for (unsigned r = 0; r <= 2 * taps->radius; r++) {
         for (unsigned k = 0; k < 3; k++) {
@@ -182,7 +190,7 @@ static void fill_derivatives(uint64_t *seed, int32_t largest)
             derived[k][x] = (int16_t)wide;
         }
     }
-    gradient = (struct dsp_gradient){derived[0], derived[1], derived[2], derived[3], derived[4], side};
+    gradient = own_gradient();
 }
 
 static void sides_are_the_sign_of_the_steered_second_derivative(void)
@@ -199,6 +207,10 @@ static void sides_are_the_sign_of_the_steered_second_derivative(void)
             const int expected = strength < threshold_q6 ? 0 : steered(x) < 0 ? -1 : 1;
             TEST_ASSERT_EQUAL_INT(expected, side[x]);
             TEST_ASSERT_TRUE((double)dsp_steered_q8(&gradient, x) == steered(x));
+            if (expected != 0) {
+                TEST_ASSERT_TRUE(square_q6[x] == strength);
+                TEST_ASSERT_TRUE(steered_qm6[x] == floor(steered(x) / 16384));
+            }
         }
         TEST_ASSERT_EQUAL_HEX8(0x3c, side[WIDTH_MAX]);
     }
@@ -210,8 +222,7 @@ static void sides_are_the_sign_of_the_steered_second_derivative(void)
 static void steering_the_largest_derivatives_does_not_overflow(void)
 {
     for (unsigned signs = 0; signs < 32; signs++) {
-        gradient =
-            (struct dsp_gradient){derived[0], derived[1], derived[2], derived[3], derived[4], side};
+        gradient = own_gradient();
         static const int largest[5] = {18018, 18018, 24570, 9910, 24570};
         for (unsigned k = 0; k < 5; k++) {
             derived[k][0] = (int16_t)(signs >> k & 1 ? -largest[k] : largest[k]);
@@ -219,6 +230,7 @@ static void steering_the_largest_derivatives_does_not_overflow(void)
         TEST_ASSERT_TRUE((double)dsp_steered_q8(&gradient, 0) == steered(0));
         dsp_scalar.sides(1, 1, &gradient);
         TEST_ASSERT_EQUAL_INT(steered(0) < 0 ? -1 : 1, side[0]);
+        TEST_ASSERT_TRUE(steered_qm6[0] == floor(steered(0) / 16384));
     }
 }
 

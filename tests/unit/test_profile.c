@@ -115,6 +115,19 @@ static void tables_are_read_to_their_last_entry(void)
     TEST_ASSERT_EQUAL_UINT16(16384, profile_edge_q15[0]);
 }
 
+/* "a^3 / (a^3 + b^3) by a^2 / (a^2 + b^2)": entries and result are rounded to 1.5e-5 each. */
+static void share_of_third_powers_is_right_from_none_to_all(void)
+{
+    for (uint32_t share_q16 = 0; share_q16 <= 65536; share_q16++) {
+        const double a = pow(share_q16 / 65536.0, 1.5);
+        const double b = pow(1 - share_q16 / 65536.0, 1.5);
+        const bool inner = share_q16 >= 4096 && share_q16 <= 65536 - 4096;
+        SYNTH_NEAR((3e-5 + (inner ? 8e-6 : 4e-5)) * 65536, 65536 * a / (a + b),
+                   profile_cube_share_q16(share_q16));
+    }
+    TEST_ASSERT_EQUAL_UINT32(65536, profile_cube_share_q16(65537));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -123,6 +136,7 @@ int main(void)
     RUN_TEST(edge_never_falls_and_is_odd_about_its_middle);
     RUN_TEST(root_is_right_from_nothing_to_256);
     RUN_TEST(inverse_is_right_from_its_least_to_256);
+    RUN_TEST(share_of_third_powers_is_right_from_none_to_all);
     RUN_TEST(tables_are_read_to_their_last_entry);
     return UNITY_END();
 }
