@@ -15,7 +15,8 @@ static dsp_verify_listener *told;
 static struct {
     uint16_t            grey_q4[LIMIT_SIDE_PX];
     int16_t             rows[5][LIMIT_SIDE_PX];
-    int8_t              side[LIMIT_SIDE_PX];
+    uint8_t             strong[DSP_BITS_BYTES(LIMIT_SIDE_PX)];
+    uint8_t             bright[DSP_BITS_BYTES(LIMIT_SIDE_PX)];
     uint32_t            square_q6[LIMIT_SIDE_PX];
     int32_t             steered_qm6[LIMIT_SIDE_PX];
     int64_t             sums[DSP_PRODUCTS];
@@ -91,15 +92,17 @@ static void along_y(const struct taps *taps, const struct dsp_row rows[], unsign
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
 {
     struct dsp_gradient expected = *out;
-    expected.side = plain.side;
+    expected.strong = plain.strong;
+    expected.bright = plain.bright;
     expected.square_q6 = plain.square_q6;
     expected.steered_qm6 = plain.steered_qm6;
     checked->sides(threshold_q6, width, out);
     dsp_scalar.sides(threshold_q6, width, &expected);
-    bool same = is_same(out->side, plain.side, width, sizeof(int8_t));
+    bool same = is_same(out->strong, plain.strong, DSP_BITS_BYTES(width), 1) &&
+                is_same(out->bright, plain.bright, DSP_BITS_BYTES(width), 1);
     for (unsigned x = 0; x < width; x++) {
-        same = same && (plain.side[x] == 0 || (out->square_q6[x] == plain.square_q6[x] &&
-                                               out->steered_qm6[x] == plain.steered_qm6[x]));
+        same = same && (dsp_side(out, x) == 0 || (out->square_q6[x] == plain.square_q6[x] &&
+                                                  out->steered_qm6[x] == plain.steered_qm6[x]));
     }
     demand(same, "sides", width);
 }

@@ -10,7 +10,9 @@
 #ifndef TESSERA_FIRMWARE_DETECT_DSP_H
 #define TESSERA_FIRMWARE_DETECT_DSP_H
 
+#include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "firmware/detect/rimrow.h"
 #include "firmware/detect/taps.h"
@@ -29,13 +31,18 @@ struct dsp_gradient {
     int16_t *xx_q2;
     int16_t *xy_q2;
     int16_t *yy_q2;
-    /* The second derivative along the gradient: +1 where it is positive or zero (the dark side of an
-     * edge), -1 where negative (the bright side), 0 where the gradient is below the threshold. */
-    int8_t  *side;
-    /* Where `side` is not 0: x_q3^2 + y_q3^2, below 2^30; the steered second derivative (dsp_steered_q8) over 2^14. */
+    /* One bit a pixel, pixel 0 in the lowest of the first byte; DSP_BITS_BYTES of them, 0 behind the last pixel.
+     * strong: the gradient is not below the threshold. bright: the second derivative along the gradient is negative
+     * as well, else (positive or zero) the pixel is on the dark side of its edge. */
+    uint8_t *strong;
+    uint8_t *bright;
+    /* Of strong pixels: x_q3^2 + y_q3^2, below 2^30; the steered second derivative (dsp_steered_q8) over 2^14. */
     uint32_t *square_q6;
     int32_t  *steered_qm6;
 };
+
+/* Whole numbers of 64 bits, and one more. */
+#define DSP_BITS_BYTES(width) (((width) / 64u + 2u) * 8u)
 
 /* Columns of samples whose pairwise sums of products are wanted: the normal equations of rim.h. */
 #define DSP_COLUMNS    RIMROW_COLUMNS
@@ -56,7 +63,7 @@ struct dsp_kernels {
     /* rows[0..2 radius] are the filtered rows around the output row, from above to below. */
     void (*along_y)(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out);
-    /* Fills out->side, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
+    /* Fills out->strong, bright, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
     void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
     /* Adds to sums, for each row i and column j <= i, the sum over k < count of c[i][k] c[j][k], where column
      * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.
@@ -83,6 +90,21 @@ extern const struct dsp_kernels dsp_avx2;
 #define DSP_HAS_NEON
 extern const struct dsp_kernels dsp_neon;
 #endif
+
+/* Clears what is behind the last pixel's byte. */
+static inline void dsp_end_bits(const struct dsp_gradient *g, unsigned width)
+{
+    const size_t filled = (width + 7u) / 8u;
+    memset(g->strong + filled, 0, DSP_BITS_BYTES(width) - filled);
+    memset(g->bright + filled, 0, DSP_BITS_BYTES(width) - filled);
+}
+
+/* 0 for a pixel that is not strong, 1 on the dark side, -1 on the bright one. */
+static inline int dsp_side(const struct dsp_gradient *g, unsigned x)
+{
+    const unsigned bit = 1u << (x % 8u);
+    return (g->strong[x / 8u] & bit) == 0 ? 0 : (g->bright[x / 8u] & bit) == 0 ? 1 : -1;
+}
 
 /* gx^2 gxx + 2 gx gy gxy + gy^2 gyy, the second derivative along the gradient times the gradient's
  * square (Freeman and Adelson 1991: the second-derivative filter steered to the dominant

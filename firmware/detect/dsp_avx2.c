@@ -19,15 +19,13 @@ static inline void store_wide(void *out, __m256i low, __m256i high)
 #define LOAD(p)          _mm256_loadu_si256((const __m256i *)(const void *)(p))
 #define STORE(p, v)      _mm256_storeu_si256((__m256i *)(void *)(p), v)
 #define LOAD_BYTES(p)    _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(const void *)(p)))
-#define STORE_HALF(p, v) _mm_storeu_si128((__m128i *)(void *)(p), \
-                                          _mm_packs_epi16(_mm256_castsi256_si128(v), \
-                                                          _mm256_extracti128_si256(v, 1)))
+#define SIGNS(v)         ((unsigned)_mm_movemask_epi8(_mm_packs_epi16( \
+                             _mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))))
 #define STORE_WIDE(p, s) store_wide(p, (s).low, (s).high)
 #define QUARTERS(v)      _mm_add_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))
 #define AND(a, b)        _mm256_and_si256(a, b)
 #define ANDNOT(a, b)     _mm256_andnot_si256(a, b)
 #define OR(a, b)         _mm256_or_si256(a, b)
-#define ANY(v)           (_mm256_testz_si256(v, v) == 0)
 #define ZERO             _mm256_setzero_si256()
 #define ROUNDED(a, b)    _mm256_mulhrs_epi16(a, b)
 #define KERNELS          dsp_avx2

@@ -187,43 +187,59 @@ static inline int32x4_t square(int16x4_t gx, int16x4_t gy)
     return vmlal_s16(vmull_s16(gx, gx), gy, gy);
 }
 
+/* The highest bits of eight masks, the first in the lowest bit. */
+static inline uint8_t bits_of(uint8x8_t masks)
+{
+    static const uint8_t places[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+    const uint8x8_t bits = vand_u8(masks, vld1_u8(places));
+#if defined(__aarch64__)
+    return vaddv_u8(bits);
+#else
+    return (uint8_t)vget_lane_u64(vpaddl_u32(vpaddl_u16(vpaddl_u8(bits))), 0);
+#endif
+}
+
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
 {
     if (width < LANES) {
         dsp_scalar.sides(threshold_q6, width, out);
         return;
     }
+    const struct dsp_gradient own = *out;
     const int32x4_t threshold = vdupq_n_s32((int32_t)threshold_q6);
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        const int16x8_t gx = vld1q_s16(out->x_q3 + x);
-        const int16x8_t gy = vld1q_s16(out->y_q3 + x);
+        const int16x8_t gx = vld1q_s16(own.x_q3 + x);
+        const int16x8_t gy = vld1q_s16(own.y_q3 + x);
         const int32x4_t square_low = square(vget_low_s16(gx), vget_low_s16(gy));
         const int32x4_t square_high = square(vget_high_s16(gx), vget_high_s16(gy));
         const uint16x8_t strong16 = vcombine_u16(vmovn_u32(vcgeq_s32(square_low, threshold)),
                                                  vmovn_u32(vcgeq_s32(square_high, threshold)));
         const uint8x8_t strong = vmovn_u16(strong16);
-        int8x8_t side = vdup_n_s8(0);
+        uint8_t bright_bits = 0;
         if (vget_lane_u64(vreinterpret_u64_u8(strong), 0) != 0) {
-            const int16x8_t gxx = vld1q_s16(out->xx_q2 + x);
-            const int16x8_t gxy = vld1q_s16(out->xy_q2 + x);
-            const int16x8_t gyy = vld1q_s16(out->yy_q2 + x);
+            const int16x8_t gxx = vld1q_s16(own.xx_q2 + x);
+            const int16x8_t gxy = vld1q_s16(own.xy_q2 + x);
+            const int16x8_t gyy = vld1q_s16(own.yy_q2 + x);
             const int32x4_t low =
                 steered(vget_low_s16(gx), vget_low_s16(gy), vget_low_s16(gxx), vget_low_s16(gxy),
                         vget_low_s16(gyy));
             const int32x4_t high =
                 steered(vget_high_s16(gx), vget_high_s16(gy), vget_high_s16(gxx),
                         vget_high_s16(gxy), vget_high_s16(gyy));
-            /* The sign bit alone survives the narrowings: -1 or 0, made odd. */
             const int16x8_t sign = vcombine_s16(vmovn_s32(vshrq_n_s32(low, 31)),
                                                 vmovn_s32(vshrq_n_s32(high, 31)));
-            side = vand_s8(vorr_s8(vmovn_s16(sign), vdup_n_s8(1)), vreinterpret_s8_u8(strong));
-            vst1q_u32(out->square_q6 + x, vreinterpretq_u32_s32(square_low));
-            vst1q_u32(out->square_q6 + x + 4, vreinterpretq_u32_s32(square_high));
-            vst1q_s32(out->steered_qm6 + x, low);
-            vst1q_s32(out->steered_qm6 + x + 4, high);
+            bright_bits = bits_of(vand_u8(vreinterpret_u8_s8(vmovn_s16(sign)), strong));
+            vst1q_u32(own.square_q6 + x, vreinterpretq_u32_s32(square_low));
+            vst1q_u32(own.square_q6 + x + 4, vreinterpretq_u32_s32(square_high));
+            vst1q_s32(own.steered_qm6 + x, low);
+            vst1q_s32(own.steered_qm6 + x + 4, high);
         }
-        vst1_s8(out->side + x, side);
+        /* The last block overlaps the one before it: its upper bits are new. */
+        const unsigned overlap = (0u - x) % LANES;
+        own.strong[(x + overlap) / 8] = (uint8_t)(bits_of(strong) >> overlap);
+        own.bright[(x + overlap) / 8] = (uint8_t)(bright_bits >> overlap);
     }
+    dsp_end_bits(&own, width);
 }
 
 /* The products of one row with all columns before it; `row` is known where this is inlined, so that the sums

@@ -63,19 +63,27 @@ static void along_y(const struct taps *taps, const struct dsp_row rows[], unsign
 
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
 {
+    unsigned strong = 0;
+    unsigned bright = 0;
     for (unsigned x = 0; x < width; x++) {
         const int32_t gx = out->x_q3[x];
         const int32_t gy = out->y_q3[x];
         const uint32_t square_q6 = (uint32_t)(gx * gx) + (uint32_t)(gy * gy);
-        if (square_q6 < threshold_q6) {
-            out->side[x] = 0;
-        } else {
+        if (square_q6 >= threshold_q6) {
             const int64_t steered_q8 = dsp_steered_q8(out, x);
-            out->side[x] = steered_q8 >= 0 ? 1 : -1;
+            strong |= 1u << (x % 8);
+            bright |= (steered_q8 < 0 ? 1u : 0u) << (x % 8);
             out->square_q6[x] = square_q6;
             out->steered_qm6[x] = (int32_t)(steered_q8 >> 14);
         }
+        if (x % 8 == 7 || x + 1 == width) {
+            out->strong[x / 8] = (uint8_t)strong;
+            out->bright[x / 8] = (uint8_t)bright;
+            strong = 0;
+            bright = 0;
+        }
     }
+    dsp_end_bits(out, width);
 }
 
 static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PRODUCTS])

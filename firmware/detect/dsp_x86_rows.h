@@ -4,11 +4,11 @@
  *   V(op)          the intrinsic of that width: V(add_epi16)(a, b)
  *   LOAD, STORE    unaligned, whole registers
  *   LOAD_BYTES     LANES bytes, each widened to 16 bits
- *   STORE_HALF     the lower half of a register's bytes, once `packs` has put them in order
+ *   SIGNS          an unsigned of the signs of 16-bit values, the first in the lowest bit
  *   STORE_WIDE     a `struct sum` as LANES 32-bit values in order
  *   QUARTERS       a 128-bit register of four sums over a register's 32-bit values
  *   ROUNDED        (a b + 2^14) >> 15 of 16-bit values: rimrow_lanes.h
- *   AND, OR, ANY   bitwise; whether a bit of a comparison's mask is set
+ *   AND, OR        bitwise
  *   KERNELS        the table's name; NAME its text
  *
  * Unpacking splits a register's values in two halves with 32 bits a value, packing joins them again in the
@@ -236,10 +236,18 @@ static inline VEC half_steered(VEC g, VEC u_row, VEC v_row)
                         V(srai_epi32)(V(madd_epi16)(g, lower), 14));
 }
 
-/* 1 or -1 by the sign, where strong. */
-static inline VEC half_sides(VEC steered, VEC strong)
+/* The signs of a block's values, the first in the lowest bit. */
+static inline unsigned signs(struct sum values)
 {
-    return AND(OR(V(srai_epi32)(steered, 31), V(set1_epi32)(1)), strong);
+    return SIGNS(V(packs_epi32)(values.low, values.high));
+}
+
+/* The bits of the block at x. The last one overlaps the one before it: its upper bits are new. */
+static inline void put_bits(uint8_t *to, unsigned x, unsigned bits)
+{
+    const unsigned overlap = (0u - x) % LANES;
+    const unsigned fresh = bits >> overlap;
+    memcpy(to + (x + overlap) / 8, &fresh, LANES / 8); /* little-endian, as x86 is */
 }
 
 static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out)
@@ -248,26 +256,30 @@ static void sides(uint32_t threshold_q6, unsigned width, const struct dsp_gradie
         dsp_scalar.sides(threshold_q6, width, out);
         return;
     }
+    const struct dsp_gradient own = *out;
     const VEC below = V(set1_epi32)((int)threshold_q6 - 1);
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        const struct sum g = interleave(LOAD(out->x_q3 + x), LOAD(out->y_q3 + x));
+        const struct sum g = interleave(LOAD(own.x_q3 + x), LOAD(own.y_q3 + x));
         const struct sum square = {V(madd_epi16)(g.low, g.low), V(madd_epi16)(g.high, g.high)};
-        const VEC strong_low = V(cmpgt_epi32)(square.low, below);
-        const VEC strong_high = V(cmpgt_epi32)(square.high, below);
-        VEC both = ZERO;
-        if (ANY(OR(strong_low, strong_high))) {
-            const VEC xy = LOAD(out->xy_q2 + x);
-            const struct sum u_row = interleave(LOAD(out->xx_q2 + x), xy);
-            const struct sum v_row = interleave(xy, LOAD(out->yy_q2 + x));
+        const struct sum strong = {V(cmpgt_epi32)(square.low, below),
+                                   V(cmpgt_epi32)(square.high, below)};
+        const unsigned strong_bits = signs(strong);
+        unsigned bright_bits = 0;
+        if (strong_bits != 0) {
+            const VEC xy = LOAD(own.xy_q2 + x);
+            const struct sum u_row = interleave(LOAD(own.xx_q2 + x), xy);
+            const struct sum v_row = interleave(xy, LOAD(own.yy_q2 + x));
             const struct sum steered = {half_steered(g.low, u_row.low, v_row.low),
                                         half_steered(g.high, u_row.high, v_row.high)};
-            both = V(packs_epi32)(half_sides(steered.low, strong_low),
-                                  half_sides(steered.high, strong_high));
-            STORE_WIDE(out->square_q6 + x, square);
-            STORE_WIDE(out->steered_qm6 + x, steered);
+            bright_bits = signs((struct sum){AND(steered.low, strong.low),
+                                             AND(steered.high, strong.high)});
+            STORE_WIDE(own.square_q6 + x, square);
+            STORE_WIDE(own.steered_qm6 + x, steered);
         }
-        STORE_HALF(out->side + x, both);
+        put_bits(own.strong, x, strong_bits);
+        put_bits(own.bright, x, bright_bits);
     }
+    dsp_end_bits(&own, width);
 }
 
 /* Adds what up to four registers of 32-bit values come to: four sums side by side, by halves of a transposition. */

@@ -40,7 +40,7 @@ static inline uint32_t share64_q16(uint64_t part, uint64_t whole)
  * at most 6e-5 px. `sign` is 0 where S_a is positive or zero and S_b negative, -1 where it is the other way. */
 static inline uint32_t crossing_q16(struct beside a, struct beside b, int32_t sign)
 {
-    /* Squares are not 0 where there is a side. */
+    /* Squares are not 0 of strong pixels. */
     const uint32_t a_cube_q16 =
         profile_cube_share_q16(share32_q16(a.square_q6, a.square_q6 + b.square_q6));
     const int64_t a_weight = (int64_t)((a.steered_qm6 ^ sign) - sign) * (65536 - a_cube_q16);
@@ -95,56 +95,42 @@ static inline struct edge *scan_down(const struct dsp_gradient *above,
     return to + 1;
 }
 
-static uint64_t eight_sides(const int8_t *side)
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "64 bits are read as one number");
+
+/* The bits of 64 pixels, the first in the lowest. */
+static inline uint64_t bits_at(const uint8_t *bits, unsigned x)
 {
-    uint64_t eight;
-    memcpy(&eight, side, sizeof eight);
-    return eight;
+    uint64_t word;
+    memcpy(&word, bits + x / 8, sizeof word);
+    return word;
 }
 
-/* The lowest bit of each byte where two rows of sides are opposite: of the differences between 0, 1 and
- * 255 only 1 ^ 255 = 254 has its highest bit set and its lowest not. */
-static uint64_t opposite_bytes(uint64_t a, uint64_t b)
+/* Likewise, of their right-hand neighbours. */
+static inline uint64_t bits_beside(const uint8_t *bits, unsigned x)
 {
-    const uint64_t differ = a ^ b;
-    return (differ >> 7) & ~differ & 0x0101010101010101u;
+    return bits_at(bits, x) >> 1 | bits_at(bits, x + 64) << 63;
 }
-
-/* The column of the lowest byte that is set; the first of eight sides is in the lowest byte. */
-static unsigned first_byte(uint64_t bytes)
-{
-    return (unsigned)__builtin_ctzll(bytes) / 8;
-}
-
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "eight sides are read as one number");
 
 void edges_scan_row(const struct dsp_gradient *above, const struct dsp_gradient *row, uint16_t y,
                     unsigned width, struct edge_row *out)
 {
     const int32_t y_px_q16 = y * 65536;
-    const unsigned pairs = width - 1;
     struct edge *across = out->across;
     struct edge *down = out->down;
-    unsigned x = 0;
-    for (; x + 8 <= pairs; x += 8) {
-        const uint64_t here = eight_sides(row->side + x);
-        if (here == 0) { /* most of an image has no edge */
-            continue;
-        }
-        uint64_t bytes = opposite_bytes(here, eight_sides(row->side + x + 1));
-        for (; bytes != 0; bytes &= bytes - 1) {
-            across = scan_across(row, x + first_byte(bytes), y_px_q16, across);
-        }
-        bytes = above != NULL ? opposite_bytes(here, eight_sides(above->side + x)) : 0;
-        for (; bytes != 0; bytes &= bytes - 1) {
-            down = scan_down(above, row, x + first_byte(bytes), y_px_q16, down);
-        }
-    }
-    for (; x < width; x++) {
-        if (x < pairs && row->side[x] * row->side[x + 1] < 0) {
+    for (unsigned first = 0; first < width; first += 64) {
+        const uint64_t strong = bits_at(row->strong, first);
+        const uint64_t bright = bits_at(row->bright, first);
+        uint64_t opposite =
+            strong & bits_beside(row->strong, first) & (bright ^ bits_beside(row->bright, first));
+        for (; opposite != 0; opposite &= opposite - 1) {
+            const unsigned x = first + (unsigned)__builtin_ctzll(opposite);
             across = scan_across(row, x, y_px_q16, across);
         }
-        if (above != NULL && above->side[x] * row->side[x] < 0) {
+        if (above != NULL) {
+            opposite = strong & bits_at(above->strong, first) & (bright ^ bits_at(above->bright, first));
+        }
+        for (; opposite != 0; opposite &= opposite - 1) {
+            const unsigned x = first + (unsigned)__builtin_ctzll(opposite);
             down = scan_down(above, row, x, y_px_q16, down);
         }
     }

@@ -33,7 +33,8 @@ void steer_init(struct steer *steer, struct arena *arena, const struct dsp_kerne
         steer->rows[i].xx_q2 = arena_take(arena, width, sizeof(int16_t));
         steer->rows[i].xy_q2 = arena_take(arena, width, sizeof(int16_t));
         steer->rows[i].yy_q2 = arena_take(arena, width, sizeof(int16_t));
-        steer->rows[i].side = arena_take(arena, width, sizeof(int8_t));
+        steer->rows[i].strong = arena_take(arena, DSP_BITS_BYTES(width), sizeof(uint8_t));
+        steer->rows[i].bright = arena_take(arena, DSP_BITS_BYTES(width), sizeof(uint8_t));
         steer->rows[i].square_q6 = arena_take(arena, width, sizeof(uint32_t));
         steer->rows[i].steered_qm6 = arena_take(arena, width, sizeof(int32_t));
     }

@@ -48,7 +48,7 @@ static void put_gradient(FILE *out, const struct dsp_gradient *g, unsigned y, un
 {
     for (unsigned x = 0; x < width; x++) {
         (void)fprintf(out, "%u,%u,%d,%d,%d,%d,%d,%d\n", y, x, g->x_q3[x], g->y_q3[x], g->xx_q2[x],
-                      g->xy_q2[x], g->yy_q2[x], g->side[x]);
+                      g->xy_q2[x], g->yy_q2[x], dsp_side(g, x));
     }
 }
 

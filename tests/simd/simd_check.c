@@ -168,7 +168,7 @@ static struct dsp_gradient sides_in(uint8_t buffers[OUTPUTS][ROW_BYTES], int16_t
                                     unsigned shift)
 {
     return (struct dsp_gradient){rows[0], rows[1], rows[2], rows[3], rows[4],
-                                 (int8_t *)buffers[0] + GUARD + shift,
+                                 buffers[0] + GUARD + shift, buffers[0] + ROW_BYTES / 2 + shift,
                                  (uint32_t *)(void *)(buffers[1] + GUARD),
                                  (int32_t *)(void *)(buffers[3] + GUARD)}; /* each has room of two */
 }
@@ -196,7 +196,7 @@ static bool check_sides(const struct dsp_kernels *variant, unsigned width, unsig
     dsp_scalar.sides(threshold, width, &reference);
     variant->sides(threshold, width, &own);
     for (unsigned x = 0; x < width; x++) {
-        if (reference.side[x] == 0) { /* the others may be anything */
+        if (dsp_side(&reference, x) == 0) { /* the others may be anything */
             own.square_q6[x] = reference.square_q6[x];
             own.steered_qm6[x] = reference.steered_qm6[x];
         }

@@ -15,7 +15,8 @@
 static uint16_t luma[ROWS_MAX][WIDTH_MAX + 2 * TAPS_RADIUS_MAX];
 static int16_t  along_x[ROWS_MAX][3][WIDTH_MAX + 1]; /* one more: a guard */
 static int16_t  derived[5][WIDTH_MAX + 1];
-static int8_t   side[WIDTH_MAX + 1];
+static uint8_t  strong[DSP_BITS_BYTES(WIDTH_MAX) + 1];
+static uint8_t  bright[DSP_BITS_BYTES(WIDTH_MAX) + 1];
 static uint32_t square_q6[WIDTH_MAX + 1];
 static int32_t  steered_qm6[WIDTH_MAX + 1];
 static struct dsp_row filtered[ROWS_MAX];
@@ -51,7 +52,7 @@ static double exact(const struct taps *taps, int dx, int dy, unsigned x)
 static struct dsp_gradient own_gradient(void)
 {
     return (struct dsp_gradient){derived[0], derived[1], derived[2], derived[3], derived[4],
-                                 side, square_q6, steered_qm6};
+                                 strong, bright, square_q6, steered_qm6};
 }
 
 static void run(const struct taps *taps, unsigned width)
@@ -66,7 +67,6 @@ static void run(const struct taps *taps, unsigned width)
     for (unsigned k = 0; k < 5; k++) {
         derived[k][width] = GUARD;
     }
-    side[width] = 0x3c;
     gradient = own_gradient();
     dsp_scalar.along_y(taps, filtered, width, &gradient);
     for (unsigned r = 0; r <= 2 * taps->radius; r++) {
@@ -199,20 +199,25 @@ static void sides_are_the_sign_of_the_steered_second_derivative(void)
     for (unsigned round = 0; round < 400; round++) {
         const uint32_t threshold_q6 = round % 2 ? 2000000 : 0;
         fill_derivatives(&seed, round % 4 < 2 ? 3000 : 4);
-        memset(side, 0x3c, sizeof side);
+        memset(strong, 0x3c, sizeof strong);
+        memset(bright, 0x3c, sizeof bright);
         dsp_scalar.sides(threshold_q6, WIDTH_MAX, &gradient);
         for (unsigned x = 0; x < WIDTH_MAX; x++) {
             const double strength =
                 (double)gradient.x_q3[x] * gradient.x_q3[x] + (double)gradient.y_q3[x] * gradient.y_q3[x];
             const int expected = strength < threshold_q6 ? 0 : steered(x) < 0 ? -1 : 1;
-            TEST_ASSERT_EQUAL_INT(expected, side[x]);
+            TEST_ASSERT_EQUAL_INT(expected, dsp_side(&gradient, x));
             TEST_ASSERT_TRUE((double)dsp_steered_q8(&gradient, x) == steered(x));
             if (expected != 0) {
                 TEST_ASSERT_TRUE(square_q6[x] == strength);
                 TEST_ASSERT_TRUE(steered_qm6[x] == floor(steered(x) / 16384));
             }
         }
-        TEST_ASSERT_EQUAL_HEX8(0x3c, side[WIDTH_MAX]);
+        for (unsigned x = WIDTH_MAX; x < 8 * DSP_BITS_BYTES(WIDTH_MAX); x++) {
+            TEST_ASSERT_EQUAL_INT(0, dsp_side(&gradient, x));
+        }
+        TEST_ASSERT_EQUAL_HEX8(0x3c, strong[DSP_BITS_BYTES(WIDTH_MAX)]);
+        TEST_ASSERT_EQUAL_HEX8(0x3c, bright[DSP_BITS_BYTES(WIDTH_MAX)]);
     }
 }
 
@@ -229,7 +234,7 @@ static void steering_the_largest_derivatives_does_not_overflow(void)
         }
         TEST_ASSERT_TRUE((double)dsp_steered_q8(&gradient, 0) == steered(0));
         dsp_scalar.sides(1, 1, &gradient);
-        TEST_ASSERT_EQUAL_INT(steered(0) < 0 ? -1 : 1, side[0]);
+        TEST_ASSERT_EQUAL_INT(steered(0) < 0 ? -1 : 1, dsp_side(&gradient, 0));
         TEST_ASSERT_TRUE(steered_qm6[0] == floor(steered(0) / 16384));
     }
 }

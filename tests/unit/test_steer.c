@@ -159,9 +159,9 @@ static void sides_follow_the_threshold_and_tell_dark_from_bright(void)
         for (int x = 0; x < 40; x++) {
             const double strength = 8 * hypot(exact(&frame, 3, 1, 0, x, y), exact(&frame, 3, 0, 1, x, y));
             if (strength < threshold_q3 - 3) {
-                TEST_ASSERT_EQUAL_INT(0, g->side[x]);
+                TEST_ASSERT_EQUAL_INT(0, dsp_side(g, (unsigned)x));
             } else if (strength > threshold_q3 + 3) {
-                TEST_ASSERT_EQUAL_INT(x < 19.3 ? 1 : -1, g->side[x]);
+                TEST_ASSERT_EQUAL_INT(x < 19.3 ? 1 : -1, dsp_side(g, (unsigned)x));
                 dark += x < 19.3;
                 bright += x > 19.3;
             }
@@ -184,7 +184,8 @@ static void check_same_rows(const struct frame_view *frame, struct steer *half,
         TEST_ASSERT_EQUAL_INT16_ARRAY(expected->xx_q2, found->xx_q2, small->width_px);
         TEST_ASSERT_EQUAL_INT16_ARRAY(expected->xy_q2, found->xy_q2, small->width_px);
         TEST_ASSERT_EQUAL_INT16_ARRAY(expected->yy_q2, found->yy_q2, small->width_px);
-        TEST_ASSERT_EQUAL_INT8_ARRAY(expected->side, found->side, small->width_px);
+        TEST_ASSERT_EQUAL_HEX8_ARRAY(expected->strong, found->strong, DSP_BITS_BYTES(small->width_px));
+        TEST_ASSERT_EQUAL_HEX8_ARRAY(expected->bright, found->bright, DSP_BITS_BYTES(small->width_px));
     }
 }
 
