@@ -68,10 +68,7 @@ static uint32_t add_point(struct chains *chains, const struct edge *edge)
         .chain = index,
     };
     chains->chains[index] = (struct chain){
-        .head = point,
-        .tail = point,
-        .count = 1,
-        .open = 1,
+        .head = point, .tail = point, .count = 1, .open = 1,
         .squares_q6 = edge->squares_q6,
     };
     return point;
