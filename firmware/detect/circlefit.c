@@ -12,6 +12,7 @@
 #define BLUR_MAX_PX_Q16   262144 /* 4 */
 #define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
+#define CONTRAST_MAX_Q30  ((int64_t)2 << 30) /* more than any frame has */
 #define OCTANT_PIXELS_MIN 4u
 #define GROWTH_MAX_Q36    ((int64_t)3 << 32) /* three sixteenths */
 /* Smaller circles are placed by their noise; and what is known no better than this may be 0.3 px off. */
@@ -108,7 +109,7 @@ static bool is_blur_held(const struct rim_view *view, int64_t contrast_q30, int6
         return false;
     }
     const int64_t off_q16 = (blur_px_q16 - view->blur_px_q16) * 65536 / view->blur_px_q16;
-    *step_q30 = (contrast_q30 * off_q16) >> 16;
+    *step_q30 = (contrast_q30 * (off_q16 < 65536 ? off_q16 : 65536)) >> 16;
     return true;
 }
 
@@ -238,7 +239,10 @@ static int64_t left_over_q52(const struct rim_view *view, const struct rim_sums 
     }
     int64_t step_q30;
     if (is_blur_held(view, contrast_q30, &step_q30)) {
-        const int64_t blur_q30 = solution_q30[RIM_BLUR];
+        /* A larger one is refused; both are below 2^36. */
+        const int64_t most_q30 = fx_abs_i64(contrast_q30);
+        const int64_t free_q30 = solution_q30[RIM_BLUR];
+        const int64_t blur_q30 = free_q30 > most_q30 ? most_q30 : free_q30 < -most_q30 ? -most_q30 : free_q30;
         left_q52 -= (fx_mul_q30(blur_q30, HELD_Q30) >> 4) * ((blur_q30 - step_q30) >> 4);
     }
     return left_q52 > 0 ? left_q52 / (sum->count - RIM_UNKNOWNS) * sum->count : 0;
@@ -319,6 +323,12 @@ bool circlefit_estimate_blur(const struct circlefit *fit, const struct frame_vie
     return ellipse_step(&view->ellipse, &view->root, enlarged) && prepare_view(view);
 }
 
+static bool is_contrast(int64_t contrast_q30)
+{
+    const int64_t size_q30 = fx_abs_i64(contrast_q30);
+    return size_q30 >= CONTRAST_MIN_Q30 && size_q30 <= CONTRAST_MAX_Q30;
+}
+
 /* Whether a solution moves the circle so far that its derivatives have changed. A step of d blurs leaves about
  * d^2 / 4 of one; the second pass takes that squared. */
 static bool is_far(const int64_t solution_q30[RIM_UNKNOWNS], int64_t contrast_q30, int64_t share)
@@ -348,8 +358,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
         view->level_q30 = solution_q30[RIM_LEVEL];
         view->contrast_q30 = solution_q30[RIM_CONTRAST];
         /* Bright inside is positive contrast; anything else is another edge. */
-        if (fx_abs_i64(view->contrast_q30) < CONTRAST_MIN_Q30 ||
-            (view->contrast_q30 > 0) != white ||
+        if (!is_contrast(view->contrast_q30) || (view->contrast_q30 > 0) != white ||
             !apply_solution(view, solution_q30, view->contrast_q30)) {
             return false;
         }
@@ -396,7 +405,7 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
                is_far(solution_q30, contrast_q30, UNEVEN_FAR_SHARE));
         view->level_q30 += solution_q30[RIM_LEVEL] >> RIM_FINE_BITS;
         view->contrast_q30 += solution_q30[RIM_CONTRAST] >> RIM_FINE_BITS;
-        if (fx_abs_i64(view->contrast_q30) < CONTRAST_MIN_Q30) {
+        if (!is_contrast(view->contrast_q30)) {
             return false;
         }
     }
