@@ -23,20 +23,38 @@ static const int8_t beside[9][2] = {{0, 0},  {-1, 0}, {1, 0},  {0, -1}, {0, 1},
 void lattice_init(struct lattice *lattice, struct arena *arena)
 {
     lattice->patch_of = arena_take(arena, TARGET_PATCHES_MAX, sizeof(uint32_t));
+    lattice->wanted = arena_take(arena, TARGET_PATCHES_MAX, sizeof(uint8_t));
     lattice->pairs = arena_take(arena, PAIRS_MAX, sizeof(struct boardmap_pair));
     lattice->added = 0;
     lattice->truncated = false;
 }
 
 /* Where a feature of the patch at (row, col) lies on the board. */
-static void board_place(const struct target *target, unsigned row, unsigned col, unsigned feature,
-                        int64_t *u_q24, int64_t *v_q24)
+static void board_place(const struct target *target, unsigned row, unsigned col,
+                        const struct layout_feature *at, int64_t *u_q24, int64_t *v_q24)
 {
-    const struct layout_feature *at = layout_feature(target->levels, feature);
     const bool turned = target->turns[row * target->cols + col] != 0;
     const int64_t one = (int64_t)1 << 30;
     *u_q24 = ((int64_t)col << 24) + ((turned ? one - at->u_q30 : at->u_q30) >> 6);
     *v_q24 = ((int64_t)row << 24) + ((turned ? one - at->v_q30 : at->v_q30) >> 6);
+}
+
+/* Adds the features found in one patch. At three levels the thirteen of every level are plenty. */
+static uint32_t gather_patch(const struct patch *patch, const struct target *target,
+                             const struct marks *marks, unsigned row, unsigned col, uint32_t count,
+                             struct boardmap_pair pairs[PAIRS_MAX])
+{
+    const struct layout_feature *features = layout_feature(target->levels, 0);
+    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2 && count < PAIRS_MAX; i++) {
+        if (patch->marks[i] != MARKS_NONE) {
+            const struct ellipse *found = &marks->at[patch->marks[i]].ellipse;
+            struct boardmap_pair *pair = &pairs[count++];
+            board_place(target, row, col, &features[i], &pair->u_q24, &pair->v_q24);
+            pair->x_px_q16 = found->x_px_q16;
+            pair->y_px_q16 = found->y_px_q16;
+        }
+    }
+    return count;
 }
 
 /* The features found in the patch itself and around it, near ones first. */
@@ -61,19 +79,9 @@ static uint32_t gather_pairs(const struct lattice *lattice, const struct patches
                     continue;
                 }
                 const uint32_t index = lattice->patch_of[(unsigned)r * target->cols + (unsigned)c];
-                if (index == MARKS_NONE) {
-                    continue;
-                }
-                /* At three levels the thirteen of every level are plenty. */
-                for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2 && count < PAIRS_MAX; i++) {
-                    const uint32_t mark = patches->at[index].marks[i];
-                    if (mark != MARKS_NONE) {
-                        struct boardmap_pair *pair = &pairs[count++];
-                        board_place(target, (unsigned)r, (unsigned)c, i, &pair->u_q24,
-                                    &pair->v_q24);
-                        pair->x_px_q16 = marks->at[mark].ellipse.x_px_q16;
-                        pair->y_px_q16 = marks->at[mark].ellipse.y_px_q16;
-                    }
+                if (index != MARKS_NONE) {
+                    count = gather_patch(&patches->at[index], target, marks, (unsigned)r,
+                                         (unsigned)c, count, pairs);
                 }
             }
         }
@@ -190,7 +198,7 @@ static uint32_t look_for(struct lattice *lattice, struct refine *refine,
     const uint16_t id = target->ids[row * target->cols + col];
     int64_t u_q24;
     int64_t v_q24;
-    board_place(target, row, col, feature, &u_q24, &v_q24);
+    board_place(target, row, col, layout_feature(target->levels, feature), &u_q24, &v_q24);
     struct mark predicted = {
         .next = MARKS_NONE,
         .white = layout_circle_is_white(target->levels, id, feature),
@@ -359,7 +367,7 @@ static void drop_strays(struct lattice *lattice, const struct refine *refine,
         int64_t u_q24;
         int64_t v_q24;
         struct boardmap_place place;
-        board_place(target, row, col, i, &u_q24, &v_q24);
+        board_place(target, row, col, layout_feature(target->levels, i), &u_q24, &v_q24);
         boardmap_apply(&map, u_q24, v_q24, &place);
         if (fx_abs_i64(place.x_q16 - mark->ellipse.x_px_q16) > STRAYS_PX_Q16 ||
             fx_abs_i64(place.y_q16 - mark->ellipse.y_px_q16) > STRAYS_PX_Q16) {
@@ -389,6 +397,20 @@ static void widen(struct reach *reach, const struct target *target, unsigned row
     reach->right = right > reach->right ? right : reach->right;
 }
 
+/* What was found at (row, col) may tell more of the patches around it: until then another look at one would see what
+ * the last one saw. */
+static void want_around(struct lattice *lattice, const struct target *target, unsigned row, unsigned col,
+                        unsigned round)
+{
+    struct reach around = {target->rows, 0, target->cols, 0};
+    widen(&around, target, row, col);
+    for (unsigned r = around.top; r < around.bottom; r++) {
+        for (unsigned c = around.left; c < around.right; c++) {
+            lattice->wanted[r * target->cols + c] = (uint8_t)round;
+        }
+    }
+}
+
 void lattice_extend(struct lattice *lattice, struct refine *refine,
                     const struct frame_view *frame, struct patches *patches, struct marks *marks)
 {
@@ -401,6 +423,7 @@ void lattice_extend(struct lattice *lattice, struct refine *refine,
     const unsigned places = (unsigned)target->rows * target->cols;
     for (unsigned i = 0; i < places; i++) {
         lattice->patch_of[i] = MARKS_NONE;
+        lattice->wanted[i] = 0;
     }
     struct reach reach = {target->rows, 0, target->cols, 0};
     for (uint32_t i = 0; i < patches->count; i++) {
@@ -416,10 +439,14 @@ void lattice_extend(struct lattice *lattice, struct refine *refine,
         uint32_t added = 0;
         for (unsigned row = reach.top; row < reach.bottom; row++) {
             for (unsigned col = reach.left; col < reach.right; col++) {
+                if (lattice->wanted[row * target->cols + col] < round) {
+                    continue;
+                }
                 const unsigned found =
                     extend_patch(lattice, refine, frame, patches, marks, row, col);
                 if (found > 0) {
                     widen(&reach, target, row, col);
+                    want_around(lattice, target, row, col, round + 1);
                 }
                 added += found;
             }

@@ -18,6 +18,7 @@
 struct lattice {
     struct boardmap_pair *pairs; /* of the fit at hand */
     uint32_t *patch_of;  /* by row * cols + col of the target: index in the list, or MARKS_NONE */
+    uint8_t  *wanted;    /* likewise: the last round in which another look may find more */
     uint32_t  added;     /* features found here, of the frame */
     bool      truncated; /* a patch or mark had no room       */
 };
