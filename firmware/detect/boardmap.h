@@ -23,24 +23,29 @@ struct boardmap {
     int64_t middle_v_q24;
     int64_t middle_x_q16;
     int64_t middle_y_q16;
-    int64_t x_q30[BOARDMAP_TERMS];
-    int64_t y_q30[BOARDMAP_TERMS];
+    int64_t x_q24[BOARDMAP_TERMS]; /* of 2^12 px; terms from the middle, in 4 sides */
+    int64_t y_q24[BOARDMAP_TERMS];
 };
 
-struct boardmap_place {
-    int64_t x_q16;      /* pixels */
+struct boardmap_point {
+    int64_t x_q16; /* pixels */
     int64_t y_q16;
+};
+
+struct boardmap_slopes {
     int64_t x_by_u_q16; /* pixels a patch side */
     int64_t x_by_v_q16;
     int64_t y_by_u_q16;
     int64_t y_by_v_q16;
 };
 
-/* Least squares; false for fewer than BOARDMAP_PAIRS_MIN pairs or pairs on one line. Places within 4 sides and
- * 2^12 px of their middle. */
+/* Least squares; false for fewer than BOARDMAP_PAIRS_MIN pairs or pairs on one line. At most 256 pairs, within 4
+ * sides and 2^12 px of their middle. */
 bool boardmap_fit(const struct boardmap_pair pairs[], uint32_t count, struct boardmap *map);
 
-void boardmap_apply(const struct boardmap *map, int64_t u_q24, int64_t v_q24,
-                    struct boardmap_place *out);
+struct boardmap_point boardmap_point_at(const struct boardmap *map, int64_t u_q24, int64_t v_q24);
+
+void boardmap_slopes_at(const struct boardmap *map, int64_t u_q24, int64_t v_q24,
+                        struct boardmap_slopes *out);
 
 #endif

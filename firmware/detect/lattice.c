@@ -94,10 +94,15 @@ static uint32_t gather_pairs(const struct lattice *lattice, const struct patches
 static bool predict(const struct boardmap *map, const struct frame_view *frame, int64_t u_q24,
                     int64_t v_q24, int64_t radius_q24, struct ellipse *out)
 {
-    struct boardmap_place place;
-    boardmap_apply(map, u_q24, v_q24, &place);
+    const struct boardmap_point place = boardmap_point_at(map, u_q24, v_q24);
+    if (place.x_q16 < 0 || place.y_q16 < 0 || place.x_q16 > (int64_t)(frame->width_px - 1) << 16 ||
+        place.y_q16 > (int64_t)(frame->height_px - 1) << 16) {
+        return false;
+    }
+    struct boardmap_slopes slopes;
+    boardmap_slopes_at(map, u_q24, v_q24, &slopes);
     /* Pixels a side, times the radius in sides. */
-    int64_t j[4] = {place.x_by_u_q16, place.x_by_v_q16, place.y_by_u_q16, place.y_by_v_q16};
+    int64_t j[4] = {slopes.x_by_u_q16, slopes.x_by_v_q16, slopes.y_by_u_q16, slopes.y_by_v_q16};
     for (unsigned i = 0; i < 4; i++) {
         j[i] = fx_round_shift_i64(j[i] * radius_q24, 24);
         if (fx_abs_i64(j[i]) > ROOT_LIMIT_Q16) {
@@ -366,9 +371,8 @@ static void drop_strays(struct lattice *lattice, const struct refine *refine,
         }
         int64_t u_q24;
         int64_t v_q24;
-        struct boardmap_place place;
         board_place(target, row, col, layout_feature(target->levels, i), &u_q24, &v_q24);
-        boardmap_apply(&map, u_q24, v_q24, &place);
+        const struct boardmap_point place = boardmap_point_at(&map, u_q24, v_q24);
         if (fx_abs_i64(place.x_q16 - mark->ellipse.x_px_q16) > STRAYS_PX_Q16 ||
             fx_abs_i64(place.y_q16 - mark->ellipse.y_px_q16) > STRAYS_PX_Q16) {
             patch->marks[i] = MARKS_NONE;

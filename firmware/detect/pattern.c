@@ -74,8 +74,8 @@ static enum colour colour_at(const struct pattern_patch *patch, int64_t u_q24, i
 }
 
 /* The normal of the line through two image points, turned towards the third. False when they are one. */
-static bool find_normal(const struct boardmap_place *a, const struct boardmap_place *b,
-                        const struct boardmap_place *inside, int32_t *nx_q15, int32_t *ny_q15)
+static bool find_normal(const struct boardmap_point *a, const struct boardmap_point *b,
+                        const struct boardmap_point *inside, int32_t *nx_q15, int32_t *ny_q15)
 {
     int64_t nx = a->y_q16 - b->y_q16;
     int64_t ny = b->x_q16 - a->x_q16;
@@ -121,13 +121,13 @@ static void beside(const struct side *side, int64_t along, int64_t out, int64_t 
     *v_q24 = side->v_q24 + (along * side->along_v_q24 - out * side->along_u_q24) / 16;
 }
 
-static void apply_at(const struct pattern_patch *patch, const struct boardmap *map, int64_t u_q24,
-                     int64_t v_q24, struct boardmap_place *out)
+static struct boardmap_point point_at(const struct pattern_patch *patch, const struct boardmap *map,
+                                      int64_t u_q24, int64_t v_q24)
 {
     int64_t board_u;
     int64_t board_v;
     pattern_to_board(patch, u_q24, v_q24, &board_u, &board_v);
-    boardmap_apply(map, board_u, board_v, out);
+    return boardmap_point_at(map, board_u, board_v);
 }
 
 /* Whether no triangles are smaller than the feature's: then there is one behind each side. */
@@ -140,7 +140,7 @@ static bool is_smallest(unsigned levels, unsigned feature)
  * one of them where all are the same. False where a colour there is not known. */
 static bool look_behind(const struct pattern_patch *patch, const struct boardmap *map,
                         const struct side *side, bool same, enum colour own,
-                        const struct boardmap_place *first_corner, struct pattern_edge *edge)
+                        const struct boardmap_point *first_corner, struct pattern_edge *edge)
 {
     static const int8_t sectors[PATTERN_RAYS + 1][2] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}};
     static const int8_t rays[PATTERN_RAYS][2] = {{16, 16}, {0, 16}, {-16, 16}};
@@ -158,16 +158,14 @@ static bool look_behind(const struct pattern_patch *patch, const struct boardmap
     }
     edge->other = other[0];
     edge->ray_count = 0;
-    struct boardmap_place middle;
-    struct boardmap_place end;
     for (unsigned i = 0; i < last; i++) {
         struct pattern_ray *ray = &edge->rays[edge->ray_count];
         if (other[i] == other[i + 1]) {
             continue;
         }
-        apply_at(patch, map, side->u_q24, side->v_q24, &middle);
+        const struct boardmap_point middle = point_at(patch, map, side->u_q24, side->v_q24);
         beside(side, rays[i][0], rays[i][1], &u_q24, &v_q24);
-        apply_at(patch, map, u_q24, v_q24, &end);
+        const struct boardmap_point end = point_at(patch, map, u_q24, v_q24);
         if (find_normal(&middle, &end, first_corner, &ray->nx_q15, &ray->ny_q15)) {
             ray->step = other[i + 1] ? 1 : -1;
             edge->ray_count++;
@@ -183,12 +181,11 @@ void pattern_edges_of(const struct pattern_patch *patch, unsigned feature,
     const enum colour own =
         layout_circle_is_white(patch->levels, patch->id, feature) ? COLOUR_BLACK : COLOUR_WHITE;
     const bool same = is_smallest(patch->levels, feature);
-    struct boardmap_place corners[3];
-    struct boardmap_place centre;
-    apply_at(patch, map, f->u_q30 >> 6, f->v_q30 >> 6, &centre);
+    struct boardmap_point corners[3];
+    const struct boardmap_point centre = point_at(patch, map, f->u_q30 >> 6, f->v_q30 >> 6);
     for (unsigned i = 0; i < 3; i++) {
-        apply_at(patch, map, (int64_t)f->corner_u_8th[i] << 21, (int64_t)f->corner_v_8th[i] << 21,
-                 &corners[i]);
+        corners[i] = point_at(patch, map, (int64_t)f->corner_u_8th[i] << 21,
+                              (int64_t)f->corner_v_8th[i] << 21);
     }
     out->count = 0;
     out->known = true;

@@ -51,8 +51,8 @@ static void second_order_view_is_followed_one_patch_beyond_its_points(void)
             double x;
             double y;
             view(u, v, &x, &y);
-            struct boardmap_place at;
-            boardmap_apply(&map, lround(u * 16777216), lround(v * 16777216), &at);
+            const struct boardmap_point at =
+                boardmap_point_at(&map, lround(u * 16777216), lround(v * 16777216));
             /* In the fit's coordinates (a quarter of a side) the points span 0.4, so the pivots of the
              * second-order terms are about 2e-4, and Q30 leaves 2^-30 / 2e-4 = 5e-6 of 4096 px in their
              * coefficients; at the corners, 0.4 from the middle, three such terms make 0.01 px. */
@@ -66,8 +66,8 @@ static void derivatives_are_pixels_a_side(void)
 {
     struct boardmap map;
     TEST_ASSERT_TRUE(boardmap_fit(pairs, make_pairs(), &map));
-    struct boardmap_place at;
-    boardmap_apply(&map, (int64_t)6 << 24, (int64_t)3 << 24, &at);
+    struct boardmap_slopes at;
+    boardmap_slopes_at(&map, (int64_t)6 << 24, (int64_t)3 << 24, &at);
     /* At (6, 3) the derivatives are the linear coefficients; good to the second order's 0.01 px a side. */
     TEST_ASSERT_TRUE(fabs((double)at.x_by_u_q16 / 65536 - 110) < 0.01);
     TEST_ASSERT_TRUE(fabs((double)at.x_by_v_q16 / 65536 + 60) < 0.01);
