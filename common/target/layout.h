@@ -55,8 +55,15 @@ const struct layout_feature *layout_feature(unsigned levels, unsigned index);
  * false for black circles. The feature must exist and patch_id be below 4096. */
 bool layout_circle_is_white(unsigned levels, uint16_t patch_id, unsigned index);
 
+/* The feature whose triangle holds a place of the patch, 0..1 in Q24; on a border one of those beside it. Levels are
+ * 2 or 3. */
+unsigned layout_feature_at(unsigned levels, int32_t u_q24, int32_t v_q24);
+
 extern const struct layout_feature layout_table_level2[LAYOUT_FEATURES_LEVEL2];
 extern const struct layout_feature layout_table_level3[LAYOUT_FEATURES_LEVEL3];
+/* [row][column] of squares of 1/8, then their left, top, bottom and right quarters. */
+extern const uint8_t layout_table_map2[8][8][4];
+extern const uint8_t layout_table_map3[8][8][4];
 
 #ifdef __cplusplus
 }

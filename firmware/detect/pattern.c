@@ -18,33 +18,11 @@ void pattern_to_board(const struct pattern_patch *patch, int64_t u_q24, int64_t 
     *board_v_q24 = ((int64_t)patch->row << 24) + (patch->turned ? ONE_Q24 - v_q24 : v_q24);
 }
 
-/* Twice the signed area of (a, b, p); corners in eighths, p in Q24 within the patch: below 2^29. */
-static int32_t side_of(const struct layout_feature *f, unsigned a, unsigned b, int32_t u_q24,
-                       int32_t v_q24)
-{
-    const int32_t du = f->corner_u_8th[b] - f->corner_u_8th[a];
-    const int32_t dv = f->corner_v_8th[b] - f->corner_v_8th[a];
-    return du * (v_q24 - (f->corner_v_8th[a] << 21)) - dv * (u_q24 - (f->corner_u_8th[a] << 21));
-}
-
-/* Corners run clockwise as seen, y down: inside is on the right, positive. */
-static bool holds(const struct layout_feature *f, int32_t u_q24, int32_t v_q24)
-{
-    return side_of(f, 0, 1, u_q24, v_q24) >= 0 && side_of(f, 1, 2, u_q24, v_q24) >= 0 &&
-           side_of(f, 2, 0, u_q24, v_q24) >= 0;
-}
-
 /* The colour of the triangle of patch `id` that holds (u, v). */
 static enum colour colour_in_patch(unsigned levels, uint16_t id, int32_t u_q24, int32_t v_q24)
 {
-    const struct layout_feature *features = layout_feature(levels, 0);
-    const unsigned count = layout_feature_count(levels);
-    for (unsigned i = 0; i < count; i++) {
-        if (holds(&features[i], u_q24, v_q24)) {
-            return layout_circle_is_white(levels, id, i) ? COLOUR_BLACK : COLOUR_WHITE;
-        }
-    }
-    return COLOUR_UNKNOWN;
+    const unsigned feature = layout_feature_at(levels, u_q24, v_q24);
+    return layout_circle_is_white(levels, id, feature) ? COLOUR_BLACK : COLOUR_WHITE;
 }
 
 static enum colour colour_at(const struct pattern_patch *patch, int64_t u_q24, int64_t v_q24)

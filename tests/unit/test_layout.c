@@ -208,6 +208,30 @@ static void a_one_bit_makes_its_circle_white_and_the_satellites_alternate(void)
     }
 }
 
+/* Twice the signed area of (a, b, p), p in 48ths; corners in eighths. */
+static int side_of(const struct layout_feature *f, unsigned a, unsigned b, int u, int v)
+{
+    const int du = f->corner_u_8th[b] - f->corner_u_8th[a];
+    const int dv = f->corner_v_8th[b] - f->corner_v_8th[a];
+    return du * (v - 6 * f->corner_v_8th[a]) - dv * (u - 6 * f->corner_u_8th[a]);
+}
+
+static void feature_at_a_place_has_it_in_its_triangle(void)
+{
+    for (unsigned levels = 2; levels <= 3; levels++) {
+        for (int v = 0; v <= 48; v++) {
+            for (int u = 0; u <= 48; u++) {
+                const unsigned feature =
+                    layout_feature_at(levels, u * (1 << 20) / 3, v * (1 << 20) / 3);
+                const struct layout_feature *f = layout_feature(levels, feature);
+                TEST_ASSERT_NOT_NULL(f);
+                TEST_ASSERT_TRUE(side_of(f, 0, 1, u, v) >= 0 && side_of(f, 1, 2, u, v) >= 0 &&
+                                 side_of(f, 2, 0, u, v) >= 0);
+            }
+        }
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -218,5 +242,6 @@ int main(void)
     RUN_TEST(level_3_circles_lie_where_the_description_says);
     RUN_TEST(anchor_is_white_when_the_id_has_an_even_number_of_one_bits);
     RUN_TEST(a_one_bit_makes_its_circle_white_and_the_satellites_alternate);
+    RUN_TEST(feature_at_a_place_has_it_in_its_triangle);
     return UNITY_END();
 }
