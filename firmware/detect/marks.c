@@ -21,11 +21,11 @@ void marks_init(struct marks *marks, struct arena *arena, unsigned width, unsign
 
 static unsigned cell_of(int64_t px_q16, unsigned cells)
 {
-    const int64_t cell = px_q16 / ((int64_t)MARKS_CELL_PX << 16);
     if (px_q16 < 0) {
         return 0;
     }
-    return cell >= (int64_t)cells ? cells - 1 : (unsigned)cell;
+    const uint64_t cell = (uint64_t)px_q16 / (MARKS_CELL_PX << 16);
+    return cell >= cells ? cells - 1 : (unsigned)cell;
 }
 
 static void fill_cells(struct marks *marks)
@@ -46,19 +46,22 @@ static void fill_cells(struct marks *marks)
 uint32_t marks_near(const struct marks *marks, int32_t x_px_q16, int32_t y_px_q16,
                     uint32_t reach_px_q16, uint32_t out[], uint32_t size)
 {
-    const int64_t reach = reach_px_q16;
-    const unsigned left = cell_of(x_px_q16 - reach, marks->columns);
-    const unsigned right = cell_of(x_px_q16 + reach, marks->columns);
-    const unsigned top = cell_of(y_px_q16 - reach, marks->rows);
-    const unsigned bottom = cell_of(y_px_q16 + reach, marks->rows);
+    const int64_t from_x = (int64_t)x_px_q16 - reach_px_q16;
+    const int64_t from_y = (int64_t)y_px_q16 - reach_px_q16;
+    const uint64_t width = 2 * (uint64_t)reach_px_q16;
+    const unsigned left = cell_of(from_x, marks->columns);
+    const unsigned right = cell_of(from_x + (int64_t)width, marks->columns);
+    const unsigned top = cell_of(from_y, marks->rows);
+    const unsigned bottom = cell_of(from_y + (int64_t)width, marks->rows);
+    const struct mark *at = marks->at;
     uint32_t count = 0;
     for (unsigned row = top; row <= bottom; row++) {
+        const uint32_t *cells = marks->cells + row * (size_t)marks->columns;
         for (unsigned column = left; column <= right; column++) {
-            uint32_t i = marks->cells[row * (size_t)marks->columns + column];
-            for (; i != MARKS_NONE; i = marks->at[i].next) {
-                const struct ellipse *e = &marks->at[i].ellipse;
-                if (fx_abs_i64((int64_t)e->x_px_q16 - x_px_q16) <= reach &&
-                    fx_abs_i64((int64_t)e->y_px_q16 - y_px_q16) <= reach && count < size) {
+            for (uint32_t i = cells[column]; i != MARKS_NONE; i = at[i].next) {
+                /* What lies before the square wraps: too large then. */
+                if ((uint64_t)(at[i].ellipse.x_px_q16 - from_x) <= width &&
+                    (uint64_t)(at[i].ellipse.y_px_q16 - from_y) <= width && count < size) {
                     out[count++] = i;
                 }
             }

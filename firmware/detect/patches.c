@@ -5,7 +5,6 @@
 
 #include "common/fx/fx.h"
 #include "common/fx/root.h"
-#include "common/fx/smallsolve.h"
 #include "common/fx/turn.h"
 #include "firmware/limits.h"
 
@@ -14,18 +13,12 @@
 #define NEIGHBOURS_MAX 2048u
 #define TURN_BINS      64u
 #define TURNS_TRIED    3u
-#define TERMS_MAX      6u
 /* Features are at least 0.2 sides apart at two levels, 0.073 at three. */
 #define NEAR_FIRST_Q20  FX_Q(0.085, 20)
 #define NEAR_THEN_Q20   FX_Q(0.05, 20)
 #define NEAR_LEVEL3_Q20 FX_Q(0.025, 20)
-
-/* The map from the unit frame to the patch: w = sum_k coefficient_k term_k(p / 8, q / 8), terms 1, p,
- * q, p^2, p q, q^2. */
-struct patch_map {
-    int64_t u_q30[TERMS_MAX];
-    int64_t v_q30[TERMS_MAX];
-};
+#define SQUARE_Q20       (1 << 17)
+#define SQUARES_FROM_Q20 (1 << 20)
 
 /* One anchor under trial. */
 struct trial {
@@ -43,6 +36,42 @@ uint32_t patches_size_ratio_q8(unsigned levels)
     const struct layout_feature *anchor = layout_feature(levels, LAYOUT_ANCHOR);
     const struct layout_feature *common = layout_feature(levels, layout_feature_count(levels) - 1);
     return (uint32_t)(((uint64_t)anchor->inradius_q30 << 8) / (uint64_t)common->inradius_q30);
+}
+
+/* A size nearer to the expected one than to the next that may be near: large and small differ by two at
+ * two levels; a bit's circle and those beside it by 1.4 at three. Within less than half their distance of each other,
+ * as the features of the third level are looked for, the place alone tells features apart. */
+static void bound_radius(struct patches_slot *slot, unsigned levels)
+{
+    const uint64_t more = levels == LAYOUT_LEVELS_MAX ? 6 : 3;
+    const uint64_t less = levels == LAYOUT_LEVELS_MAX ? 5 : 2;
+    slot->radius_least_q20 = (uint32_t)((less * slot->radius_q20 + more - 1) / more);
+    slot->radius_most_q20 = (uint32_t)(more * slot->radius_q20 / less);
+}
+
+static bool size_fits(const struct patches_slot *slot, uint32_t radius_q20)
+{
+    return radius_q20 >= slot->radius_least_q20 && radius_q20 <= slot->radius_most_q20;
+}
+
+static void fill_squares(struct patches *patches)
+{
+    const int32_t reach_q20 = SQUARE_Q20 / 2 + (int32_t)NEAR_FIRST_Q20;
+    for (int32_t row = 0; row < (int32_t)PATCHES_SQUARES; row++) {
+        for (int32_t col = 0; col < (int32_t)PATCHES_SQUARES; col++) {
+            const int32_t u_q20 = col * SQUARE_Q20 + SQUARE_Q20 / 2 - SQUARES_FROM_Q20;
+            const int32_t v_q20 = row * SQUARE_Q20 + SQUARE_Q20 / 2 - SQUARES_FROM_Q20;
+            unsigned near = 0;
+            for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+                const struct patches_slot *slot = &patches->slots[i];
+                if (fx_abs_i64((int64_t)slot->u_q20 - u_q20) <= reach_q20 &&
+                    fx_abs_i64((int64_t)slot->v_q20 - v_q20) <= reach_q20) {
+                    near |= 1u << i;
+                }
+            }
+            patches->near_square[row][col] = (uint16_t)near;
+        }
+    }
 }
 
 void patches_init(struct patches *patches, struct arena *arena,
@@ -71,10 +100,15 @@ void patches_init(struct patches *patches, struct arena *arena,
         slot->direction_turn_q16 = turn_atan2_q16(v_q30, u_q30);
         slot->radius_q20 =
             (uint32_t)(((uint64_t)feature->inradius_q30 * settings->circle_ratio_q16) >> 26);
+        bound_radius(slot, i < LAYOUT_FEATURES_LEVEL2 ? settings->levels : LAYOUT_LEVELS_MIN);
+        /* Less than a fifth of it away: perspective, seen from the anchor. */
+        slot->distance_least_q20 = slot->distance_q20 * 4 / 5 + 1;
+        slot->distance_most_q20 = (slot->distance_q20 * 6 + 4) / 5 - 1;
         /* A little farther than the farthest feature, for perspective stretches. */
         const uint32_t reach_q20 = slot->distance_q20 + slot->distance_q20 / 16;
         patches->reach_q20 = reach_q20 > patches->reach_q20 ? reach_q20 : patches->reach_q20;
     }
+    fill_squares(patches);
 }
 
 /* Collects the marks around the anchor that can belong to its patch. */
@@ -128,39 +162,32 @@ static bool gather_neighbours(struct trial *trial, const struct patches *patches
     return trial->count + 1 >= LAYOUT_FEATURES_LEVEL2;
 }
 
-/* A size nearer to the expected one than to the next that may be near: large and small differ by two at
- * two levels; a bit's circle and those beside it by 1.4 at three. */
-static bool size_fits(unsigned levels, uint32_t radius_q20, uint32_t expected_q20)
-{
-    const uint64_t more = levels == LAYOUT_LEVELS_MAX ? 6 : 3;
-    const uint64_t less = levels == LAYOUT_LEVELS_MAX ? 5 : 2;
-    return less * radius_q20 <= more * expected_q20 && more * radius_q20 >= less * expected_q20;
-}
-
 /* Fills turns[] with the most voted directions of the patch's u axis, best first. Two thirds of the
  * votes for the true turn survive the strongest perspective. */
 static unsigned vote_turns(const struct trial *trial, const struct patches *patches,
                            uint16_t turns[TURNS_TRIED])
 {
-    uint16_t votes[TURN_BINS] = {0};
+    uint16_t cast[TURN_BINS] = {0};
     for (uint32_t j = 0; j < trial->count; j++) {
         const struct patches_neighbour *n = &trial->neighbours[j];
         const uint64_t units_q20 =
             root_u64((uint64_t)((int64_t)n->p_q20 * n->p_q20 + (int64_t)n->q_q20 * n->q_q20));
-        const int64_t distance_q20 = (int64_t)((units_q20 * trial->unit_q20) >> 20);
+        const uint32_t distance_q20 = (uint32_t)((units_q20 * trial->unit_q20) >> 20);
         const uint16_t direction = turn_atan2_q16(n->q_q20, n->p_q20);
         for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
             const struct patches_slot *slot = &patches->slots[i];
-            if (fx_abs_i64(distance_q20 - slot->distance_q20) * 5 < slot->distance_q20 &&
-                size_fits(patches->settings.levels, n->radius_q20, slot->radius_q20)) {
+            if (distance_q20 >= slot->distance_least_q20 && distance_q20 <= slot->distance_most_q20 &&
+                size_fits(slot, n->radius_q20)) {
                 const uint16_t turn = (uint16_t)(direction - slot->direction_turn_q16);
-                const unsigned bin = turn / (65536u / TURN_BINS);
-                /* The vote reaches the two neighbours, for the turn need not be a bin's centre. */
-                votes[bin] = (uint16_t)(votes[bin] + 2);
-                votes[(bin + 1) % TURN_BINS]++;
-                votes[(bin + TURN_BINS - 1) % TURN_BINS]++;
+                cast[turn / (65536u / TURN_BINS)]++;
             }
         }
+    }
+    /* A vote reaches the two neighbours, for the turn need not be a bin's centre. */
+    uint16_t votes[TURN_BINS];
+    for (unsigned bin = 0; bin < TURN_BINS; bin++) {
+        votes[bin] = (uint16_t)(2 * cast[bin] + cast[(bin + 1) % TURN_BINS] +
+                                cast[(bin + TURN_BINS - 1) % TURN_BINS]);
     }
     unsigned count = 0;
     while (count < TURNS_TRIED) {
@@ -179,150 +206,109 @@ static unsigned vote_turns(const struct trial *trial, const struct patches *patc
     return count;
 }
 
-static void fill_terms(int32_t p_q20, int32_t q_q20, int64_t terms_q30[TERMS_MAX])
+/* Whether the neighbour may be the feature and is nearer to it than what was there. */
+static bool is_nearer(const struct patches_slot *slot, const struct patches_neighbour *n,
+                      struct patchmap_place at, int64_t *nearest_q40)
 {
-    const int64_t p = (int64_t)p_q20 * 128; /* p / 8 in Q30; |p / 8| < 2 */
-    const int64_t q = (int64_t)q_q20 * 128;
-    terms_q30[0] = (int64_t)1 << 30;
-    terms_q30[1] = p;
-    terms_q30[2] = q;
-    terms_q30[3] = fx_mul_q30(p, p);
-    terms_q30[4] = fx_mul_q30(p, q);
-    terms_q30[5] = fx_mul_q30(q, q);
-}
-
-/* Moves every neighbour into the patch by the map. */
-static void apply_map(struct trial *trial, const struct patch_map *map)
-{
-    for (uint32_t j = 0; j < trial->count; j++) {
-        struct patches_neighbour *n = &trial->neighbours[j];
-        int64_t terms_q30[TERMS_MAX];
-        fill_terms(n->p_q20, n->q_q20, terms_q30);
-        int64_t u_q30 = 0;
-        int64_t v_q30 = 0;
-        for (unsigned k = 0; k < TERMS_MAX; k++) {
-            u_q30 += fx_round_shift_i64((map->u_q30[k] >> 8) * terms_q30[k], 22);
-            v_q30 += fx_round_shift_i64((map->v_q30[k] >> 8) * terms_q30[k], 22);
-        }
-        n->u_q20 = fx_saturate_i32(u_q30 >> 10);
-        n->v_q20 = fx_saturate_i32(v_q30 >> 10);
+    const int64_t du = (int64_t)at.u_q20 - slot->u_q20;
+    const int64_t dv = (int64_t)at.v_q20 - slot->v_q20;
+    const int64_t distance_q40 = du * du + dv * dv;
+    if (distance_q40 >= *nearest_q40 || !size_fits(slot, n->radius_q20)) {
+        return false;
     }
+    *nearest_q40 = distance_q40;
+    return true;
 }
 
-/* For each feature from `first` on, the nearest neighbour within `near`, of the right size. Returns how many
- * of them were found. */
-static unsigned match_features(struct trial *trial, const struct patches *patches, unsigned first,
-                               unsigned last, int64_t near_q20)
+/* For each of the thirteen features but the anchor the nearest neighbour within `near`, of the right size, by the
+ * map. Returns how many of them were found. */
+static unsigned match_features(struct trial *trial, const struct patches *patches,
+                               const struct patchmap *map, int64_t near_q20)
 {
-    /* Within less than half their distance of each other the place alone tells features apart. */
-    const unsigned levels =
-        near_q20 > NEAR_LEVEL3_Q20 ? patches->settings.levels : (unsigned)LAYOUT_LEVELS_MIN;
-    unsigned count = 0;
-    for (unsigned i = first; i < last; i++) {
-        const struct patches_slot *slot = &patches->slots[i];
-        int64_t best = near_q20 * near_q20;
+    int64_t nearest_q40[LAYOUT_FEATURES_LEVEL2];
+    for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        nearest_q40[i] = near_q20 * near_q20;
         trial->found[i] = MARKS_NONE;
-        for (uint32_t j = 0; j < trial->count; j++) {
-            const struct patches_neighbour *n = &trial->neighbours[j];
-            const int64_t du = (int64_t)n->u_q20 - slot->u_q20;
-            const int64_t dv = (int64_t)n->v_q20 - slot->v_q20;
-            const int64_t distance = du * du + dv * dv;
-            if (distance < best && size_fits(levels, n->radius_q20, slot->radius_q20)) {
-                best = distance;
+    }
+    const struct patchmap own = *map; /* what is written is no part of it */
+    unsigned count = 0;
+    for (uint32_t j = 0; j < trial->count; j++) {
+        const struct patches_neighbour *n = &trial->neighbours[j];
+        const struct patchmap_place at = patchmap_place_of(&own, n->p_q20, n->q_q20);
+        /* Wraps before the first square: too large then. */
+        const uint32_t col = ((uint32_t)at.u_q20 + SQUARES_FROM_Q20) / SQUARE_Q20;
+        const uint32_t row = ((uint32_t)at.v_q20 + SQUARES_FROM_Q20) / SQUARE_Q20;
+        if (col >= PATCHES_SQUARES || row >= PATCHES_SQUARES) {
+            continue;
+        }
+        for (unsigned near = patches->near_square[row][col]; near != 0; near &= near - 1) {
+            const unsigned i = (unsigned)__builtin_ctz(near);
+            if (is_nearer(&patches->slots[i], n, at, &nearest_q40[i])) {
+                count += trial->found[i] == MARKS_NONE ? 1 : 0;
                 trial->found[i] = j;
             }
         }
-        count += trial->found[i] != MARKS_NONE ? 1 : 0;
     }
     return count;
 }
 
-/* Least squares over the pairs found, the anchor among them, with the first `terms` terms. */
-static bool fit_map(const struct trial *trial, const struct patches *patches, unsigned terms,
-                    struct patch_map *map)
+/* Likewise for the features of the third level. */
+static void match_level3(struct trial *trial, const struct patches *patches, const struct patchmap *map)
 {
-    struct smallsolve normal = {.size = terms};
-    int64_t right_u[TERMS_MAX] = {0};
-    int64_t right_v[TERMS_MAX] = {0};
-    int64_t pairs = 0;
-    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
-        if (i != LAYOUT_ANCHOR && trial->found[i] == MARKS_NONE) {
-            continue;
-        }
-        int64_t terms_q30[TERMS_MAX];
-        const struct patches_neighbour *n = &trial->neighbours[i == LAYOUT_ANCHOR ? 0 : trial->found[i]];
-        fill_terms(i == LAYOUT_ANCHOR ? 0 : n->p_q20, i == LAYOUT_ANCHOR ? 0 : n->q_q20,
-                   terms_q30);
-        for (unsigned row = 0; row < terms; row++) {
-            for (unsigned col = 0; col <= row; col++) {
-                normal.at_q30[row][col] += fx_mul_q30(terms_q30[row], terms_q30[col]);
+    for (uint32_t j = 0; j < trial->count; j++) {
+        struct patches_neighbour *n = &trial->neighbours[j];
+        n->place = patchmap_place_of(map, n->p_q20, n->q_q20);
+    }
+    for (unsigned i = LAYOUT_FEATURES_LEVEL2; i < LAYOUT_FEATURES_LEVEL3; i++) {
+        int64_t nearest_q40 = NEAR_LEVEL3_Q20 * NEAR_LEVEL3_Q20;
+        trial->found[i] = MARKS_NONE;
+        for (uint32_t j = 0; j < trial->count; j++) {
+            const struct patches_neighbour *n = &trial->neighbours[j];
+            if (is_nearer(&patches->slots[i], n, n->place, &nearest_q40)) {
+                trial->found[i] = j;
             }
-            right_u[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].u_q20 * 1024);
-            right_v[row] += fx_mul_q30(terms_q30[row], (int64_t)patches->slots[i].v_q20 * 1024);
         }
-        pairs++;
     }
-    for (unsigned row = 0; row < terms; row++) {
-        for (unsigned col = 0; col <= row; col++) {
-            normal.at_q30[row][col] /= pairs;
-        }
-        right_u[row] /= pairs;
-        right_v[row] /= pairs;
-    }
-    *map = (struct patch_map){0};
-    if (!smallsolve_factor(&normal, (int64_t)1 << 12) || !smallsolve_solve(&normal, right_u) ||
-        !smallsolve_solve(&normal, right_v)) {
-        return false;
-    }
-    for (unsigned k = 0; k < terms; k++) {
-        if (fx_abs_i64(right_u[k]) > (int64_t)1 << 36 || fx_abs_i64(right_v[k]) > (int64_t)1 << 36) {
-            return false;
-        }
-        map->u_q30[k] = right_u[k];
-        map->v_q30[k] = right_v[k];
-    }
-    return true;
 }
 
-/* The map for a patch whose u axis points along `turn` in the unit frame: a rotation by -turn, scaled by
- * its unit. */
-static struct patch_map turned_map(uint16_t turn, uint32_t unit_q20)
+/* The map through the features found of the thirteen, the anchor among them. */
+static bool fit_map(const struct trial *trial, const struct patches *patches, unsigned terms,
+                    struct patchmap *map)
 {
-    int32_t cos_q30;
-    int32_t sin_q30;
-    turn_cos_sin_q30(turn, &cos_q30, &sin_q30);
-    const int64_t c = fx_round_shift_i64((int64_t)cos_q30 * unit_q20, 17); /* times 8 */
-    const int64_t s = fx_round_shift_i64((int64_t)sin_q30 * unit_q20, 17);
-    return (struct patch_map){.u_q30 = {0, c, s}, .v_q30 = {0, -s, c}};
+    struct patchmap_pair pairs[LAYOUT_FEATURES_LEVEL2] = {{0}}; /* the first is the anchor's */
+    unsigned count = 1;
+    for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+        if (trial->found[i] != MARKS_NONE) {
+            const struct patches_neighbour *n = &trial->neighbours[trial->found[i]];
+            const struct patches_slot *slot = &patches->slots[i];
+            pairs[count++] =
+                (struct patchmap_pair){n->p_q20, n->q_q20, {slot->u_q20, slot->v_q20}};
+        }
+    }
+    return patchmap_fit(pairs, count, terms, map);
 }
 
 /* Whether the neighbours are the patch that lies along `turn`; then trial->found holds its features. */
 static bool try_turn(struct trial *trial, const struct patches *patches, uint16_t turn)
 {
-    struct patch_map map = turned_map(turn, trial->unit_q20);
-    apply_map(trial, &map);
-    unsigned found =
-        match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_FIRST_Q20);
+    struct patchmap map = patchmap_turned(turn, trial->unit_q20);
+    unsigned found = match_features(trial, patches, &map, NEAR_FIRST_Q20);
     for (unsigned round = 0; round < 2; round++) {
-        if (found < 5 || !fit_map(trial, patches, 3, &map)) {
+        if (found < 5 || !fit_map(trial, patches, PATCHMAP_LINEAR, &map)) {
             return false;
         }
-        apply_map(trial, &map);
-        found = match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_FIRST_Q20);
+        found = match_features(trial, patches, &map, NEAR_FIRST_Q20);
     }
-    if (found < 9 || !fit_map(trial, patches, TERMS_MAX, &map)) {
+    if (found < 9 || !fit_map(trial, patches, PATCHMAP_TERMS_MAX, &map)) {
         return false;
     }
-    apply_map(trial, &map);
-    found = match_features(trial, patches, 1, LAYOUT_FEATURES_LEVEL2, NEAR_THEN_Q20);
+    found = match_features(trial, patches, &map, NEAR_THEN_Q20);
     if (found + 1 != LAYOUT_FEATURES_LEVEL2) {
         return false;
     }
     if (patches->settings.levels == LAYOUT_LEVELS_MAX) {
-        (void)fit_map(trial, patches, TERMS_MAX, &map);
-        apply_map(trial, &map);
-        (void)match_features(trial, patches, LAYOUT_FEATURES_LEVEL2, LAYOUT_FEATURES_LEVEL3,
-                             NEAR_LEVEL3_Q20);
+        (void)fit_map(trial, patches, PATCHMAP_TERMS_MAX, &map);
+        match_level3(trial, patches, &map);
     }
     return true;
 }

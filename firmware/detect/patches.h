@@ -14,6 +14,7 @@
 
 #include "common/target/target.h"
 #include "firmware/detect/marks.h"
+#include "firmware/detect/patchmap.h"
 
 /* What is known of the targets in view. */
 struct patches_settings {
@@ -45,10 +46,11 @@ struct patches_neighbour {
     uint32_t mark;
     int32_t  p_q20;      /* from the anchor: see patches.c */
     int32_t  q_q20;
-    int32_t  u_q20;      /* in the patch, as mapped so far */
-    int32_t  v_q20;
+    struct patchmap_place place; /* by the map to the third level's features */
     uint32_t radius_q20; /* in patch sides                */
 };
+
+#define PATCHES_SQUARES 16u
 
 struct patches {
     struct patches_settings settings;
@@ -69,8 +71,14 @@ struct patches {
         int32_t  v_q20;
         uint32_t distance_q20;
         uint32_t radius_q20;
+        uint32_t distance_least_q20; /* of a mark that may be the feature */
+        uint32_t distance_most_q20;
+        uint32_t radius_least_q20;
+        uint32_t radius_most_q20;
         uint16_t direction_turn_q16;
     } slots[LAYOUT_FEATURES_MAX];
+    /* Which of the thirteen features may be near: by squares of 1/8 side, from 1 before the anchor on. */
+    uint16_t near_square[PATCHES_SQUARES][PATCHES_SQUARES];
     uint32_t reach_q20; /* how far from an anchor its features are looked for, in patch sides */
 };
 
