@@ -17,7 +17,7 @@
 #include "firmware/detect/rimrow.h"
 #include "firmware/detect/taps.h"
 
-/* One image row filtered along x; padded rows are not needed here, `width` values each. */
+/* One image row filtered along x; padded rows are not needed here, `width` values each. The three lie in one array. */
 struct dsp_row {
     int16_t *smooth_q3; /* g   along x */
     int16_t *first_q3;  /* g'  along x */
@@ -60,7 +60,8 @@ struct dsp_kernels {
     /* luma_grey_q4 points at the first pixel of a row padded by taps->radius on both sides. */
     void (*along_x)(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out);
-    /* rows[0..2 radius] are the filtered rows around the output row, from above to below. */
+    /* rows[0..2 radius] are the filtered rows around the output row, from above to below: in all of them the three
+     * lie equally far apart. */
     void (*along_y)(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out);
     /* Fills out->strong, bright, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 + y_q3^2. */

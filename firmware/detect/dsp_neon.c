@@ -29,21 +29,48 @@
 
 #define LANES 8u
 
+/* The upper four values by the instructions that take them from where they are. */
+#if defined(__aarch64__)
+#define MULL_HIGH(a, b)        vmull_high_s16(a, b)
+#define MLAL_HIGH(sum, a, b)   vmlal_high_s16(sum, a, b)
+#define MULL_HIGH_N(a, n)      vmull_high_n_s16(a, n)
+#define MLAL_HIGH_N(sum, a, n) vmlal_high_n_s16(sum, a, n)
+#define LOWER(a, b)            vuzp1q_s16(a, b)
+#define UPPER(a, b)            vuzp2q_s16(a, b)
+#else
+#define MULL_HIGH(a, b)        vmull_s16(vget_high_s16(a), vget_high_s16(b))
+#define MLAL_HIGH(sum, a, b)   vmlal_s16(sum, vget_high_s16(a), vget_high_s16(b))
+#define MULL_HIGH_N(a, n)      vmull_n_s16(vget_high_s16(a), n)
+#define MLAL_HIGH_N(sum, a, n) vmlal_n_s16(sum, vget_high_s16(a), n)
+#define LOWER(a, b)            vuzpq_s16(a, b).val[0]
+#define UPPER(a, b)            vuzpq_s16(a, b).val[1]
+#endif
+
 struct sum {
     int32x4_t low;
     int32x4_t high;
 };
 
+/* Of each value the lower 16 bits, or the upper ones. */
+static inline int16x8_t lower_halves(struct sum sum)
+{
+    return LOWER(vreinterpretq_s16_s32(sum.low), vreinterpretq_s16_s32(sum.high));
+}
+
+static inline int16x8_t upper_halves(struct sum sum)
+{
+    return UPPER(vreinterpretq_s16_s32(sum.low), vreinterpretq_s16_s32(sum.high));
+}
+
 static inline struct sum weigh_first(int16x8_t value, int16_t tap)
 {
-    return (struct sum){vmull_n_s16(vget_low_s16(value), tap),
-                        vmull_n_s16(vget_high_s16(value), tap)};
+    return (struct sum){vmull_n_s16(vget_low_s16(value), tap), MULL_HIGH_N(value, tap)};
 }
 
 static inline struct sum weigh(struct sum sum, int16x8_t value, int16_t tap)
 {
     return (struct sum){vmlal_n_s16(sum.low, vget_low_s16(value), tap),
-                        vmlal_n_s16(sum.high, vget_high_s16(value), tap)};
+                        MLAL_HIGH_N(sum.high, value, tap)};
 }
 
 static inline int16x8_t narrow_12(struct sum sum)
@@ -76,43 +103,66 @@ static inline __attribute__((always_inline)) void along_x_block(const struct tap
         const int16x8_t after = vld1q_s16(at + k);
         const int16x8_t before = vld1q_s16(at - k);
         const int16x8_t both = vaddq_s16(after, before);
+        const int16x8_t change = vsubq_s16(after, before);
         smooth = weigh(smooth, both, taps->smooth_q15[k]);
         second = weigh(second, both, taps->second_q14[k]);
-        first = weigh(first, vsubq_s16(after, before), taps->first_q15[k]);
+        first = k == 1 ? weigh_first(change, taps->first_q15[1])
+                       : weigh(first, change, taps->first_q15[k]);
     }
     vst1q_s16(out->smooth_q3 + x, narrow_12(smooth));
     vst1q_s16(out->first_q3 + x, narrow_12(first));
     vst1q_s16(out->second_q2 + x, narrow_12(second));
 }
 
+/* The places of a row's values from its first: one register serves all rows. */
+struct places {
+    ptrdiff_t smooth;
+    ptrdiff_t first;
+    ptrdiff_t second;
+};
+
+static inline struct places places_at(unsigned x, const struct dsp_row *row)
+{
+    const ptrdiff_t at = (ptrdiff_t)x;
+    return (struct places){at, at + (row->first_q3 - row->smooth_q3),
+                           at + (row->second_q2 - row->smooth_q3)};
+}
+
 static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
                                                                 unsigned radius,
-                                                                const struct dsp_row rows[],
+                                                                const int16_t *const rows[],
+                                                                struct places at,
                                                                 const struct dsp_gradient *out,
                                                                 unsigned x)
 {
+    /* smooth_q3 is taken from its middle 2^14, and so the sum of two from 2^15. */
     const int16x8_t middle = vdupq_n_s16(1 << 14);
-    const struct sum none = {vdupq_n_s32(0), vdupq_n_s32(0)};
-    struct sum gx = weigh_first(vld1q_s16(rows[radius].first_q3 + x), taps->smooth_q15[0]);
-    struct sum gxx = weigh_first(vld1q_s16(rows[radius].second_q2 + x), taps->smooth_q15[0]);
-    struct sum gyy = weigh_first(vsubq_s16(vld1q_s16(rows[radius].smooth_q3 + x), middle),
+    const int16x8_t twice_middle = vdupq_n_s16(INT16_MIN);
+    const int16_t *here = rows[radius];
+    struct sum gx = weigh_first(vld1q_s16(here + at.first), taps->smooth_q15[0]);
+    struct sum gxx = weigh_first(vld1q_s16(here + at.second), taps->smooth_q15[0]);
+    struct sum gyy = weigh_first(vsubq_s16(vld1q_s16(here + at.smooth), middle),
                                  taps->second_q14[0]);
-    struct sum gy = none;
-    struct sum gxy = none;
+    struct sum gy = {vdupq_n_s32(0), vdupq_n_s32(0)};
+    struct sum gxy = gy;
     for (unsigned k = 1; k <= radius; k++) {
-        const struct dsp_row *below = &rows[radius + k];
-        const struct dsp_row *above = &rows[radius - k];
-        const int16x8_t first_below = vld1q_s16(below->first_q3 + x);
-        const int16x8_t first_above = vld1q_s16(above->first_q3 + x);
-        const int16x8_t smooth_below = vsubq_s16(vld1q_s16(below->smooth_q3 + x), middle);
-        const int16x8_t smooth_above = vsubq_s16(vld1q_s16(above->smooth_q3 + x), middle);
+        const int16_t *below = rows[radius + k];
+        const int16_t *above = rows[radius - k];
+        const int16x8_t first_below = vld1q_s16(below + at.first);
+        const int16x8_t first_above = vld1q_s16(above + at.first);
+        const int16x8_t smooth_below = vld1q_s16(below + at.smooth);
+        const int16x8_t smooth_above = vld1q_s16(above + at.smooth);
         gx = weigh(gx, vaddq_s16(first_below, first_above), taps->smooth_q15[k]);
-        gxy = weigh(gxy, vsubq_s16(first_below, first_above), taps->first_q15[k]);
-        gy = weigh(gy, vsubq_s16(smooth_below, smooth_above), taps->first_q15[k]);
-        gyy = weigh(gyy, vaddq_s16(smooth_below, smooth_above), taps->second_q14[k]);
-        gxx = weigh(gxx,
-                    vaddq_s16(vld1q_s16(below->second_q2 + x), vld1q_s16(above->second_q2 + x)),
+        gyy = weigh(gyy, veorq_s16(vaddq_s16(smooth_below, smooth_above), twice_middle),
+                    taps->second_q14[k]);
+        gxx = weigh(gxx, vaddq_s16(vld1q_s16(below + at.second), vld1q_s16(above + at.second)),
                     taps->smooth_q15[k]);
+        const int16x8_t first_change = vsubq_s16(first_below, first_above);
+        const int16x8_t smooth_change = vsubq_s16(smooth_below, smooth_above);
+        gxy = k == 1 ? weigh_first(first_change, taps->first_q15[1])
+                     : weigh(gxy, first_change, taps->first_q15[k]);
+        gy = k == 1 ? weigh_first(smooth_change, taps->first_q15[1])
+                    : weigh(gy, smooth_change, taps->first_q15[k]);
     }
     vst1q_s16(out->x_q3 + x, narrow_15(gx));
     vst1q_s16(out->y_q3 + x, narrow_15(gy));
@@ -138,20 +188,51 @@ static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
     }
 }
 
+/* Whole blocks, and one that ends with the row. */
+static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
+                                                              unsigned radius,
+                                                              const uint16_t *luma_grey_q4,
+                                                              unsigned width,
+                                                              const struct dsp_row *out)
+{
+    /* Nothing that is written can be a part of these: they stay in registers. */
+    const struct taps own = *taps;
+    const struct dsp_row to = *out;
+    for (unsigned x = 0; x < width - LANES; x += LANES) {
+        along_x_block(&own, radius, luma_grey_q4, &to, x);
+    }
+    along_x_block(&own, radius, luma_grey_q4, &to, width - LANES);
+}
+
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out)
 {
     if (width < LANES || taps->radius < 3) {
         dsp_scalar.along_x(taps, luma_grey_q4, width, out);
     } else if (taps->radius == 3) {
-        for (unsigned x = 0; x < width; x = next_block(x, width)) {
-            along_x_block(taps, 3, luma_grey_q4, out, x);
-        }
+        along_x_row(taps, 3, luma_grey_q4, width, out);
     } else {
-        for (unsigned x = 0; x < width; x = next_block(x, width)) {
-            along_x_block(taps, taps->radius, luma_grey_q4, out, x);
-        }
+        along_x_row(taps, taps->radius, luma_grey_q4, width, out);
     }
+}
+
+static inline __attribute__((always_inline)) void along_y_row(const struct taps *taps,
+                                                              unsigned radius,
+                                                              const struct dsp_row rows[],
+                                                              unsigned width,
+                                                              const struct dsp_gradient *out)
+{
+    const struct taps own = *taps;
+    const struct dsp_gradient to = *out;
+    const struct dsp_row any = rows[0];
+    const int16_t *from[2 * TAPS_RADIUS_MAX + 1];
+    for (unsigned i = 0; i <= 2 * radius; i++) {
+        from[i] = rows[i].smooth_q3;
+    }
+    for (unsigned x = 0; x < width - LANES; x += LANES) {
+        along_y_block(&own, radius, from, places_at(x, &any), &to, x);
+    }
+    along_y_block(&own, radius, from, places_at(width - LANES, &any), &to, width - LANES);
 }
 
 static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
@@ -160,13 +241,9 @@ static void along_y(const struct taps *taps, const struct dsp_row rows[], unsign
     if (width < LANES || taps->radius < 3) {
         dsp_scalar.along_y(taps, rows, width, out);
     } else if (taps->radius == 3) {
-        for (unsigned x = 0; x < width; x = next_block(x, width)) {
-            along_y_block(taps, 3, rows, out, x);
-        }
+        along_y_row(taps, 3, rows, width, out);
     } else {
-        for (unsigned x = 0; x < width; x = next_block(x, width)) {
-            along_y_block(taps, taps->radius, rows, out, x);
-        }
+        along_y_row(taps, taps->radius, rows, width, out);
     }
 }
 

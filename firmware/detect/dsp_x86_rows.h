@@ -19,6 +19,8 @@
  * at radius 2, which is left to the plain kernels; smooth_q3 is taken from -2^14, which the exactly zero
  * sums of the other two filters' taps cancel. */
 
+#include <stdbool.h>
+
 #include "firmware/detect/dsp.h"
 #include "firmware/detect/halve_loops.h"
 
@@ -70,25 +72,25 @@ static inline struct sum interleave(VEC even, VEC odd)
     return (struct sum){V(unpacklo_epi16)(even, odd), V(unpackhi_epi16)(even, odd)};
 }
 
-/* Rounded shift and back to 16 bits; the values fit. */
-static inline VEC narrow(struct sum sum, int shift)
+/* sum over k of taps[k] * values[k], rounded and shifted back to 16 bits, which it fits. Values go in pairs: beside
+ * the last of an odd count lies what rounds. */
+static inline __attribute__((always_inline)) VEC filter(VEC values[], const int16_t taps[],
+                                                        unsigned count, int shift)
 {
-    const VEC half = V(set1_epi32)(1 << (shift - 1));
-    return V(packs_epi32)(V(srai_epi32)(V(add_epi32)(sum.low, half), shift),
-                          V(srai_epi32)(V(add_epi32)(sum.high, half), shift));
-}
-
-/* sum over k of taps[k] * values[k], in pairs. values[count] must be there: zero, when count is odd. */
-static inline __attribute__((always_inline)) struct sum weigh(const VEC values[],
-                                                              const int16_t taps[], unsigned count)
-{
+    const bool odd = count % 2 != 0;
+    values[count] = odd ? V(set1_epi16)(2) : ZERO;
+    const int rounding = 1 << (shift - 2);
     struct sum sum = pair_sum(interleave(values[0], values[1]),
-                              tap_pair(taps[0], count > 1 ? taps[1] : 0));
+                              tap_pair(taps[0], count > 1 ? taps[1] : rounding));
     for (unsigned k = 2; k < count; k += 2) {
-        const VEC pair = tap_pair(taps[k], k + 1 < count ? taps[k + 1] : 0);
+        const VEC pair = tap_pair(taps[k], k + 1 < count ? taps[k + 1] : rounding);
         sum = add_sum(sum, pair_sum(interleave(values[k], values[k + 1]), pair));
     }
-    return sum;
+    if (!odd) {
+        const VEC half = V(set1_epi32)(2 * rounding);
+        sum = add_sum(sum, (struct sum){half, half});
+    }
+    return V(packs_epi32)(V(srai_epi32)(sum.low, shift), V(srai_epi32)(sum.high, shift));
 }
 
 static inline __attribute__((always_inline)) void along_x_block(const struct taps *taps,
@@ -106,11 +108,9 @@ static inline __attribute__((always_inline)) void along_x_block(const struct tap
         even[k] = V(add_epi16)(after, before);
         odd[k - 1] = V(sub_epi16)(after, before);
     }
-    even[radius + 1] = ZERO;
-    odd[radius] = ZERO;
-    STORE(out->smooth_q3 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 12));
-    STORE(out->first_q3 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 12));
-    STORE(out->second_q2 + x, narrow(weigh(even, taps->second_q14, radius + 1), 12));
+    STORE(out->smooth_q3 + x, filter(even, taps->smooth_q15, radius + 1, 12));
+    STORE(out->first_q3 + x, filter(odd, taps->first_q15 + 1, radius, 12));
+    STORE(out->second_q2 + x, filter(even, taps->second_q14, radius + 1, 12));
 }
 
 /* The place of the block after x: the last one ends with the row, overlapping the one before. */
@@ -130,16 +130,20 @@ static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
     }
 }
 
+/* Whole blocks, and one that ends with the row. */
 static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
                                                               unsigned radius,
                                                               const uint16_t *luma_grey_q4,
                                                               unsigned width,
                                                               const struct dsp_row *out)
 {
-    const struct taps own = *taps; /* nothing that is written can be a part of it: it stays in registers */
-    for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        along_x_block(&own, radius, luma_grey_q4 + x, out, x);
+    /* Nothing that is written can be a part of these: they stay in registers. */
+    const struct taps own = *taps;
+    const struct dsp_row to = *out;
+    for (unsigned x = 0; x < width - LANES; x += LANES) {
+        along_x_block(&own, radius, luma_grey_q4 + x, &to, x);
     }
+    along_x_block(&own, radius, luma_grey_q4 + width - LANES, &to, width - LANES);
 }
 
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
@@ -154,44 +158,58 @@ static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsig
     }
 }
 
+/* The places of a row's values from its first: one register serves all rows. */
+struct places {
+    ptrdiff_t smooth;
+    ptrdiff_t first;
+    ptrdiff_t second;
+};
+
+static inline struct places places_at(unsigned x, const struct dsp_row *row)
+{
+    const ptrdiff_t at = (ptrdiff_t)x;
+    return (struct places){at, at + (row->first_q3 - row->smooth_q3),
+                           at + (row->second_q2 - row->smooth_q3)};
+}
+
 static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
                                                                 unsigned radius,
-                                                                const struct dsp_row rows[],
+                                                                const int16_t *const rows[],
+                                                                struct places at,
                                                                 const struct dsp_gradient *out,
                                                                 unsigned x)
 {
+    /* smooth_q3 is taken from its middle 2^14, and so the sum of two from 2^15. */
     const VEC middle = V(set1_epi16)(1 << 14);
+    const VEC twice_middle = V(set1_epi16)(INT16_MIN);
     VEC even[TAPS_RADIUS_MAX + 2];
     VEC odd[TAPS_RADIUS_MAX + 2];
-    even[radius + 1] = ZERO;
-    odd[radius] = ZERO;
-
-    even[0] = LOAD(rows[radius].first_q3 + x);
+    even[0] = LOAD(rows[radius] + at.first);
     for (unsigned k = 1; k <= radius; k++) {
-        const VEC below = LOAD(rows[radius + k].first_q3 + x);
-        const VEC above = LOAD(rows[radius - k].first_q3 + x);
+        const VEC below = LOAD(rows[radius + k] + at.first);
+        const VEC above = LOAD(rows[radius - k] + at.first);
         even[k] = V(add_epi16)(below, above);
         odd[k - 1] = V(sub_epi16)(below, above);
     }
-    STORE(out->x_q3 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 15));
-    STORE(out->xy_q2 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 16));
+    STORE(out->x_q3 + x, filter(even, taps->smooth_q15, radius + 1, 15));
+    STORE(out->xy_q2 + x, filter(odd, taps->first_q15 + 1, radius, 16));
 
-    even[0] = V(sub_epi16)(LOAD(rows[radius].smooth_q3 + x), middle);
+    even[0] = V(sub_epi16)(LOAD(rows[radius] + at.smooth), middle);
     for (unsigned k = 1; k <= radius; k++) {
-        const VEC below = V(sub_epi16)(LOAD(rows[radius + k].smooth_q3 + x), middle);
-        const VEC above = V(sub_epi16)(LOAD(rows[radius - k].smooth_q3 + x), middle);
-        even[k] = V(add_epi16)(below, above);
+        const VEC below = LOAD(rows[radius + k] + at.smooth);
+        const VEC above = LOAD(rows[radius - k] + at.smooth);
+        even[k] = V(add_epi16)(V(add_epi16)(below, above), twice_middle);
         odd[k - 1] = V(sub_epi16)(below, above);
     }
-    STORE(out->y_q3 + x, narrow(weigh(odd, taps->first_q15 + 1, radius), 15));
-    STORE(out->yy_q2 + x, narrow(weigh(even, taps->second_q14, radius + 1), 15));
+    STORE(out->y_q3 + x, filter(odd, taps->first_q15 + 1, radius, 15));
+    STORE(out->yy_q2 + x, filter(even, taps->second_q14, radius + 1, 15));
 
-    even[0] = LOAD(rows[radius].second_q2 + x);
+    even[0] = LOAD(rows[radius] + at.second);
     for (unsigned k = 1; k <= radius; k++) {
-        even[k] = V(add_epi16)(LOAD(rows[radius + k].second_q2 + x),
-                               LOAD(rows[radius - k].second_q2 + x));
+        even[k] = V(add_epi16)(LOAD(rows[radius + k] + at.second),
+                               LOAD(rows[radius - k] + at.second));
     }
-    STORE(out->xx_q2 + x, narrow(weigh(even, taps->smooth_q15, radius + 1), 15));
+    STORE(out->xx_q2 + x, filter(even, taps->smooth_q15, radius + 1, 15));
 }
 
 static inline __attribute__((always_inline)) void along_y_row(const struct taps *taps,
@@ -201,9 +219,16 @@ static inline __attribute__((always_inline)) void along_y_row(const struct taps 
                                                               const struct dsp_gradient *out)
 {
     const struct taps own = *taps;
-    for (unsigned x = 0; x < width; x = next_block(x, width)) {
-        along_y_block(&own, radius, rows, out, x);
+    const struct dsp_gradient to = *out;
+    const struct dsp_row any = rows[0];
+    const int16_t *from[2 * TAPS_RADIUS_MAX + 1];
+    for (unsigned i = 0; i <= 2 * radius; i++) {
+        from[i] = rows[i].smooth_q3;
     }
+    for (unsigned x = 0; x < width - LANES; x += LANES) {
+        along_y_block(&own, radius, from, places_at(x, &any), &to, x);
+    }
+    along_y_block(&own, radius, from, places_at(width - LANES, &any), &to, width - LANES);
 }
 
 static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,

@@ -22,10 +22,12 @@ void steer_init(struct steer *steer, struct arena *arena, const struct dsp_kerne
     steer->halved = false;
     uint16_t *padded = arena_take(arena, width + 2u * TAPS_RADIUS_MAX, sizeof *padded);
     steer->luma_grey_q4 = padded == NULL ? NULL : padded + TAPS_RADIUS_MAX;
+    const size_t apart = ((size_t)width + 7) & ~(size_t)7; /* aligned as all that is taken */
     for (unsigned i = 0; i < STEER_RING_ROWS; i++) {
-        steer->ring[i].smooth_q3 = arena_take(arena, width, sizeof(int16_t));
-        steer->ring[i].first_q3 = arena_take(arena, width, sizeof(int16_t));
-        steer->ring[i].second_q2 = arena_take(arena, width, sizeof(int16_t));
+        int16_t *row = arena_take(arena, 3 * apart, sizeof *row);
+        steer->ring[i].smooth_q3 = row;
+        steer->ring[i].first_q3 = row == NULL ? NULL : row + apart;
+        steer->ring[i].second_q2 = row == NULL ? NULL : row + 2 * apart;
     }
     for (unsigned i = 0; i < 2; i++) {
         steer->rows[i].x_q3 = arena_take(arena, width, sizeof(int16_t));
