@@ -155,8 +155,13 @@ static inline __attribute__((always_inline)) void along_y_block(const struct tap
         gx = weigh(gx, vaddq_s16(first_below, first_above), taps->smooth_q15[k]);
         gyy = weigh(gyy, veorq_s16(vaddq_s16(smooth_below, smooth_above), twice_middle),
                     taps->second_q14[k]);
-        gxx = weigh(gxx, vaddq_s16(vld1q_s16(below + at.second), vld1q_s16(above + at.second)),
-                    taps->smooth_q15[k]);
+        const int16x8_t second_below = vld1q_s16(below + at.second);
+        const int16x8_t second_above = vld1q_s16(above + at.second);
+        if (radius == 2) { /* whose sums do not fit */
+            gxx = weigh(weigh(gxx, second_below, taps->smooth_q15[k]), second_above, taps->smooth_q15[k]);
+        } else {
+            gxx = weigh(gxx, vaddq_s16(second_below, second_above), taps->smooth_q15[k]);
+        }
         const int16x8_t first_change = vsubq_s16(first_below, first_above);
         const int16x8_t smooth_change = vsubq_s16(smooth_below, smooth_above);
         gxy = k == 1 ? weigh_first(first_change, taps->first_q15[1])
@@ -207,8 +212,10 @@ static inline __attribute__((always_inline)) void along_x_row(const struct taps 
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out)
 {
-    if (width < LANES || taps->radius < 3) {
+    if (width < LANES) {
         dsp_scalar.along_x(taps, luma_grey_q4, width, out);
+    } else if (taps->radius == 2) {
+        along_x_row(taps, 2, luma_grey_q4, width, out);
     } else if (taps->radius == 3) {
         along_x_row(taps, 3, luma_grey_q4, width, out);
     } else {
@@ -238,8 +245,10 @@ static inline __attribute__((always_inline)) void along_y_row(const struct taps 
 static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out)
 {
-    if (width < LANES || taps->radius < 3) {
+    if (width < LANES) {
         dsp_scalar.along_y(taps, rows, width, out);
+    } else if (taps->radius == 2) {
+        along_y_row(taps, 2, rows, width, out);
     } else if (taps->radius == 3) {
         along_y_row(taps, 3, rows, width, out);
     } else {

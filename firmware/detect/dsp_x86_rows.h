@@ -16,7 +16,7 @@
  *
  * Sums of two samples have to fit 16 bits. Along x samples are below 2^12. Down the columns: first_q3 is at
  * most 4095 x 0.47 x 8 = 15396; second_q2 at most 4095 x 0.42 x 4 = 6880 from radius 3 on, but 21320
- * at radius 2, which is left to the plain kernels; smooth_q3 is taken from -2^14, which the exactly zero
+ * at radius 2, where each has a product of its own; smooth_q3 is taken from -2^14, which the exactly zero
  * sums of the other two filters' taps cancel. */
 
 #include <stdbool.h>
@@ -149,8 +149,10 @@ static inline __attribute__((always_inline)) void along_x_row(const struct taps 
 static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
                     const struct dsp_row *out)
 {
-    if (width < LANES || taps->radius < 3) {
+    if (width < LANES) {
         dsp_scalar.along_x(taps, luma_grey_q4, width, out);
+    } else if (taps->radius == 2) {
+        along_x_row(taps, 2, luma_grey_q4, width, out);
     } else if (taps->radius == 3) {
         along_x_row(taps, 3, luma_grey_q4, width, out);
     } else {
@@ -205,6 +207,16 @@ static inline __attribute__((always_inline)) void along_y_block(const struct tap
     STORE(out->yy_q2 + x, filter(even, taps->second_q14, radius + 1, 15));
 
     even[0] = LOAD(rows[radius] + at.second);
+    if (radius == 2) {
+        const int16_t each_q15[5] = {taps->smooth_q15[0], taps->smooth_q15[1], taps->smooth_q15[1],
+                                     taps->smooth_q15[2], taps->smooth_q15[2]};
+        for (unsigned k = 1; k <= 2; k++) {
+            even[2 * k - 1] = LOAD(rows[2 + k] + at.second);
+            even[2 * k] = LOAD(rows[2 - k] + at.second);
+        }
+        STORE(out->xx_q2 + x, filter(even, each_q15, 5, 15));
+        return;
+    }
     for (unsigned k = 1; k <= radius; k++) {
         even[k] = V(add_epi16)(LOAD(rows[radius + k] + at.second),
                                LOAD(rows[radius - k] + at.second));
@@ -234,8 +246,10 @@ static inline __attribute__((always_inline)) void along_y_row(const struct taps 
 static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out)
 {
-    if (width < LANES || taps->radius < 3) {
+    if (width < LANES) {
         dsp_scalar.along_y(taps, rows, width, out);
+    } else if (taps->radius == 2) {
+        along_y_row(taps, 2, rows, width, out);
     } else if (taps->radius == 3) {
         along_y_row(taps, 3, rows, width, out);
     } else {
