@@ -56,6 +56,13 @@ static inline uint32_t limit_arc_points(uint32_t width_px, uint32_t height_px)
     return 32u * limit_arcs(width_px, height_px);
 }
 
+/* Neighbours of anchors whose place on a patch may be computed. Frames full of target were seen to need one on 20
+ * pixels, at three levels one on 10; what is put together of large and small circles but is no target, one on one. */
+static inline uint32_t limit_looks(uint32_t width_px, uint32_t height_px)
+{
+    return 16384u + (uint32_t)((uint64_t)width_px * height_px / 3u);
+}
+
 /* Patches a frame: there are no more ids. */
 #define LIMIT_PATCHES 4096u
 

@@ -27,6 +27,7 @@ struct trial {
     uint32_t            anchor_radius_q20; /* in sides */
     uint32_t            unit_q20;          /* of p and q, in sides */
     uint32_t            count;
+    uint32_t            looks;             /* of all anchors so far */
     struct patches_neighbour *neighbours;
     uint32_t            found[LAYOUT_FEATURES_MAX]; /* neighbour by feature, or MARKS_NONE */
 };
@@ -83,6 +84,7 @@ void patches_init(struct patches *patches, struct arena *arena,
     patches->size = 2 * (marks / LAYOUT_FEATURES_LEVEL2) + 64;
     patches->size = patches->size > LIMIT_PATCHES ? LIMIT_PATCHES : patches->size;
     patches->at = arena_take(arena, patches->size, sizeof(struct patch));
+    patches->looks_max = limit_looks(width, height);
     patches->near = arena_take(arena, NEIGHBOURS_MAX, sizeof(uint32_t));
     patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
 
@@ -230,6 +232,7 @@ static unsigned match_features(struct trial *trial, const struct patches *patche
         nearest_q40[i] = near_q20 * near_q20;
         trial->found[i] = MARKS_NONE;
     }
+    trial->looks += trial->count;
     const struct patchmap own = *map; /* what is written is no part of it */
     unsigned count = 0;
     for (uint32_t j = 0; j < trial->count; j++) {
@@ -448,6 +451,10 @@ void patches_decode(const struct marks *marks, struct patches *patches)
     for (uint32_t i = 0; i < marks->count; i++) {
         if (!marks->at[i].large) {
             continue;
+        }
+        if (trial.looks > patches->looks_max) {
+            patches->truncated = true;
+            break;
         }
         patches->anchors++;
         trial.anchor = i;

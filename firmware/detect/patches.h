@@ -59,6 +59,7 @@ struct patches {
     struct patches_neighbour *neighbours;
     uint32_t                count;
     uint32_t                size;
+    uint32_t                looks_max;   /* neighbours whose place may be computed */
     /* Counters of the frame. */
     uint32_t anchors;        /* large marks tried                                 */
     uint32_t bad_parity;     /* complete patches whose anchor contradicts the id  */

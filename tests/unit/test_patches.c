@@ -348,6 +348,27 @@ static void no_marks_give_no_patches(void)
 }
 
 /* At two levels 2h over h; at three the common features are the satellites, of inradius p / 4. */
+/* Of twelve patches those whose turn comes after the limit are left out, and the list says so. */
+static void looks_have_a_limit_that_is_reported(void)
+{
+    uint64_t seed = 88;
+    start(2, NULL);
+    struct synth_patch board[12];
+    make_board(board, &seed);
+    const struct synth_map map = synth_view(1100, 10, 0.3, 0.2, 2, 1.5, 600, 450);
+    ellipses.count = 0;
+    for (unsigned i = 0; i < 12; i++) {
+        add_patch(&map, 2, &board[i], 255, 0.03, &seed);
+    }
+    patches.looks_max = 300;
+    decode(2);
+    TEST_ASSERT_TRUE(patches.truncated);
+    TEST_ASSERT_TRUE(patches.count > 0 && patches.count < 12);
+    for (uint32_t i = 0; i < patches.count; i++) {
+        TEST_ASSERT_EQUAL_UINT16(13, patches.at[i].feature_count);
+    }
+}
+
 static void size_ratio_is_that_of_the_layout(void)
 {
     TEST_ASSERT_EQUAL_UINT32(512, patches_size_ratio_q8(2));
@@ -373,6 +394,7 @@ int main(void)
     RUN_TEST(circles_strewn_at_random_give_no_patch);
     RUN_TEST(patches_cut_by_the_border_are_left_out_and_others_kept);
     RUN_TEST(no_marks_give_no_patches);
+    RUN_TEST(looks_have_a_limit_that_is_reported);
     RUN_TEST(size_ratio_is_that_of_the_layout);
     return UNITY_END();
 }
