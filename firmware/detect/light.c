@@ -27,20 +27,16 @@ struct plane {
 
 void light_init(struct light *light, struct arena *arena)
 {
-    light->near = arena_take(arena, 2 * LIGHT_NEAR_MAX, sizeof(uint32_t));
-    light->off_q30 = arena_take(arena, LIGHT_NEAR_MAX, sizeof(int64_t));
+    light->near = arena_take(arena, LIGHT_NEAR_MAX, sizeof(uint32_t));
+    light->points = arena_take(arena, NEAR_ENOUGH, sizeof(struct light_point));
+    light->off_q30 = arena_take(arena, 2 * NEAR_ENOUGH, sizeof(int64_t));
 }
 
-static int64_t plane_at_q30(const struct plane *plane, const struct ellipse *place)
+static int64_t plane_at_q30(const struct plane *plane, int32_t x_px_q16, int32_t y_px_q16)
 {
-    const int64_t x_q12 = (place->x_px_q16 - plane->x_px_q16) >> 4;
-    const int64_t y_q12 = (place->y_px_q16 - plane->y_px_q16) >> 4;
+    const int64_t x_q12 = (x_px_q16 - plane->x_px_q16) >> 4;
+    const int64_t y_q12 = (y_px_q16 - plane->y_px_q16) >> 4;
     return plane->level_q30 + ((plane->slope_q30[0] * x_q12 + plane->slope_q30[1] * y_q12) >> 12);
-}
-
-static int64_t off_plane_q30(const struct mark *mark, const struct plane *plane)
-{
-    return mark->level_q30 - plane_at_q30(plane, &mark->ellipse);
 }
 
 /* The middle one of the values (Hoare's selection); reorders them. */
@@ -74,8 +70,7 @@ static int64_t median(int64_t values[], uint32_t count)
 
 /* The plane through the brightness around these circles: least squares about the means. False for circles that
  * are few or nearly stand on a line. */
-static bool fit_plane(const struct marks *marks, const uint32_t near[], uint32_t count,
-                      struct plane *plane)
+static bool fit_plane(const struct light_point points[], uint32_t count, struct plane *plane)
 {
     if (count < CIRCLES_MIN) {
         return false;
@@ -84,30 +79,33 @@ static bool fit_plane(const struct marks *marks, const uint32_t near[], uint32_t
     int64_t mean_y = 0;
     int64_t mean = 0;
     for (uint32_t i = 0; i < count; i++) {
-        const struct mark *mark = &marks->at[near[i]];
-        mean_x += mark->ellipse.x_px_q16;
-        mean_y += mark->ellipse.y_px_q16;
-        mean += mark->level_q30;
+        mean_x += points[i].x_px_q16;
+        mean_y += points[i].y_px_q16;
+        mean += points[i].level_q30;
     }
     *plane = (struct plane){mean_x / count, mean_y / count, mean / count, {0, 0}};
-    struct smallsolve normal = {.size = 2};
+    int64_t xx = 0;
+    int64_t xy = 0;
+    int64_t yy = 0;
     int64_t right[2] = {0};
     for (uint32_t i = 0; i < count; i++) {
-        const struct mark *mark = &marks->at[near[i]];
-        const int64_t x = (mark->ellipse.x_px_q16 - plane->x_px_q16) * SCALE;
-        const int64_t y = (mark->ellipse.y_px_q16 - plane->y_px_q16) * SCALE;
+        const int64_t x = (points[i].x_px_q16 - plane->x_px_q16) * SCALE;
+        const int64_t y = (points[i].y_px_q16 - plane->y_px_q16) * SCALE;
         if (fx_abs_i64(x) > (int64_t)1 << 31 || fx_abs_i64(y) > (int64_t)1 << 31) {
             return false;
         }
-        normal.at_q30[0][0] += fx_mul_q30(x, x);
-        normal.at_q30[1][0] += fx_mul_q30(x, y);
-        normal.at_q30[1][1] += fx_mul_q30(y, y);
-        right[0] += fx_mul_q30(x, mark->level_q30 - plane->level_q30);
-        right[1] += fx_mul_q30(y, mark->level_q30 - plane->level_q30);
+        const int64_t off = points[i].level_q30 - plane->level_q30;
+        xx += fx_mul_q30(x, x);
+        xy += fx_mul_q30(x, y);
+        yy += fx_mul_q30(y, y);
+        right[0] += fx_mul_q30(x, off);
+        right[1] += fx_mul_q30(y, off);
     }
-    normal.at_q30[0][0] /= count;
-    normal.at_q30[1][0] /= count;
-    normal.at_q30[1][1] /= count;
+    struct smallsolve normal;
+    normal.size = 2;
+    normal.at_q30[0][0] = xx / count;
+    normal.at_q30[1][0] = xy / count;
+    normal.at_q30[1][1] = yy / count;
     right[0] /= count;
     right[1] /= count;
     if (!smallsolve_factor(&normal, PIVOT_Q30) || !smallsolve_solve(&normal, right)) {
@@ -119,35 +117,30 @@ static bool fit_plane(const struct marks *marks, const uint32_t near[], uint32_t
            fx_abs_i64(plane->slope_q30[1]) <= LIMIT_Q30;
 }
 
-/* The plane through the brightness around those circles that are white (their triangles black) or black. The first
- * fits' levels are far off where something covers a circle: from the median level on, what does not agree is left
- * out. */
-static bool fit_colour(struct light *light, const struct marks *marks, uint32_t near_count,
-                       bool white, struct plane *plane)
+/* The plane through the brightness around circles of one colour; reorders them. The first fits' levels are far off
+ * where something covers a circle: from the median level on, what does not agree is left out. off_q30: room for twice
+ * as many. */
+static bool fit_colour(struct light_point points[], uint32_t count, int64_t off_q30[], struct plane *plane)
 {
-    uint32_t *own = light->near + LIGHT_NEAR_MAX; /* behind the list of all */
-    const uint32_t stride = near_count / NEAR_ENOUGH + 1;
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < near_count; i += stride) {
-        const struct mark *mark = &marks->at[light->near[i]];
-        if (mark->contrast_q30 != 0 && mark->white == white) {
-            light->off_q30[count] = mark->level_q30;
-            own[count++] = light->near[i];
-        }
-    }
     if (count < CIRCLES_MIN) {
         return false;
     }
-    *plane = (struct plane){.level_q30 = median(light->off_q30, count)};
+    for (uint32_t i = 0; i < count; i++) {
+        off_q30[i] = points[i].level_q30;
+    }
+    *plane = (struct plane){.level_q30 = median(off_q30, count)};
+    int64_t *sorted_q30 = off_q30 + NEAR_ENOUGH;
     for (unsigned step = 0; step < STEPS; step++) {
         for (uint32_t i = 0; i < count; i++) {
-            light->off_q30[i] = fx_abs_i64(off_plane_q30(&marks->at[own[i]], plane));
+            off_q30[i] = fx_abs_i64(points[i].level_q30 -
+                                    plane_at_q30(plane, points[i].x_px_q16, points[i].y_px_q16));
+            sorted_q30[i] = off_q30[i];
         }
-        const int64_t limit_q30 = OFF_MEDIANS * median(light->off_q30, count) + OFF_SLACK_Q30;
+        const int64_t limit_q30 = OFF_MEDIANS * median(sorted_q30, count) + OFF_SLACK_Q30;
         uint32_t kept = 0;
         for (uint32_t i = 0; i < count; i++) {
-            if (fx_abs_i64(off_plane_q30(&marks->at[own[i]], plane)) <= limit_q30) {
-                own[kept++] = own[i];
+            if (off_q30[i] <= limit_q30) {
+                points[kept++] = points[i];
             }
         }
         const bool agreed = step > 0 && kept == count;
@@ -155,11 +148,28 @@ static bool fit_colour(struct light *light, const struct marks *marks, uint32_t 
         if (agreed) {
             break;
         }
-        if (!fit_plane(marks, own, count, plane)) {
+        if (!fit_plane(points, count, plane)) {
             return false;
         }
     }
     return true;
+}
+
+/* Copies white circles, whose triangles are black, to the front of the list, black ones to its back. */
+static void part_colours(struct light *light, const struct marks *marks, uint32_t near_count,
+                         uint32_t *white_count, uint32_t *black_count)
+{
+    const uint32_t stride = near_count / NEAR_ENOUGH + 1;
+    *white_count = 0;
+    *black_count = 0;
+    for (uint32_t i = 0; i < near_count; i += stride) {
+        const struct mark *mark = &marks->at[light->near[i]];
+        if (mark->contrast_q30 != 0) {
+            const uint32_t at = mark->white ? (*white_count)++ : NEAR_ENOUGH - ++*black_count;
+            light->points[at] = (struct light_point){mark->ellipse.x_px_q16, mark->ellipse.y_px_q16,
+                                                     mark->level_q30};
+        }
+    }
 }
 
 bool light_fit(struct light *light, const struct marks *marks, uint32_t count,
@@ -167,15 +177,19 @@ bool light_fit(struct light *light, const struct marks *marks, uint32_t count,
 {
     struct plane black;
     struct plane white;
-    if (!fit_colour(light, marks, count, true, &black) ||
-        !fit_colour(light, marks, count, false, &white)) {
+    uint32_t on_black;
+    uint32_t on_white;
+    part_colours(light, marks, count, &on_black, &on_white);
+    if (!fit_colour(light->points, on_black, light->off_q30, &black) ||
+        !fit_colour(light->points + (NEAR_ENOUGH - on_white), on_white, light->off_q30, &white)) {
         return false;
     }
     *out = (struct patch_light){
         .black_slope_q30 = {(int32_t)black.slope_q30[0], (int32_t)black.slope_q30[1]},
         .white_slope_q30 = {(int32_t)white.slope_q30[0], (int32_t)white.slope_q30[1]},
         .swing_q30 =
-            fx_saturate_i32(plane_at_q30(&white, place) - plane_at_q30(&black, place)),
+            fx_saturate_i32(plane_at_q30(&white, place->x_px_q16, place->y_px_q16) -
+                            plane_at_q30(&black, place->x_px_q16, place->y_px_q16)),
     };
     return true;
 }

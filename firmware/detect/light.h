@@ -8,9 +8,17 @@
 
 #define LIGHT_NEAR_MAX 256u
 
+/* A circle and the brightness around it. */
+struct light_point {
+    int32_t x_px_q16;
+    int32_t y_px_q16;
+    int32_t level_q30;
+};
+
 struct light {
-    uint32_t *near;    /* the circles that are looked at; behind them room for as many */
-    int64_t  *off_q30; /* how far each is off the plane  */
+    uint32_t           *near;    /* the circles that are looked at               */
+    struct light_point *points;  /* what they say, one colour after the other    */
+    int64_t            *off_q30; /* how far each is off the plane; and sorted    */
 };
 
 void light_init(struct light *light, struct arena *arena);
