@@ -24,7 +24,6 @@
 #define RV_SHR(a, n)    vshlq_s16(a, vdupq_n_s16((int16_t)-(int16_t)(n)))
 #define RV_GT(a, b)     vreinterpretq_s16_u16(vcgtq_s16(a, b))
 
-#include "firmware/detect/halve_loops.h"
 #include "firmware/detect/rimrow_loops.h"
 
 #define LANES 8u
@@ -191,6 +190,25 @@ static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
         vst1q_u16(out_grey_q4 + x, vshll_n_u8(vld1_u8(bytes + x), 4));
     }
+}
+
+static inline void halve_block(const uint8_t *above, const uint8_t *below, uint16_t *out_grey_q4)
+{
+    const uint16x8_t sum = vpadalq_u8(vpaddlq_u8(vld1q_u8(above)), vld1q_u8(below));
+    vst1q_u16(out_grey_q4, vshlq_n_u16(sum, 2));
+}
+
+static void halve(const uint8_t *above, const uint8_t *below, unsigned width, uint16_t *out_grey_q4)
+{
+    if (width < LANES) {
+        dsp_scalar.halve(above, below, width, out_grey_q4);
+        return;
+    }
+    for (unsigned x = 0; x < width - LANES; x += LANES) {
+        halve_block(above + 2 * x, below + 2 * x, out_grey_q4 + x);
+    }
+    const unsigned x = width - LANES;
+    halve_block(above + 2 * x, below + 2 * x, out_grey_q4 + x);
 }
 
 /* Whole blocks, and one that ends with the row. */
@@ -373,7 +391,7 @@ static void products(const int16_t *columns, unsigned count, int64_t sums[DSP_PR
 const struct dsp_kernels dsp_neon = {
     .name = "neon",
     .widen = widen,
-    .halve = halve_bytes,
+    .halve = halve,
     .along_x = along_x,
     .along_y = along_y,
     .sides = sides,

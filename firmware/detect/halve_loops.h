@@ -1,4 +1,5 @@
-/* Half the frame's size: each pixel is the mean of four. Included by every dsp_*.c, like rimrow_loops.h. */
+/* Half the frame's size: each pixel is the mean of four. Included by the dsp_*.c that have no better
+ * way, like rimrow_loops.h. */
 #ifndef TESSERA_FIRMWARE_DETECT_HALVE_LOOPS_H
 #define TESSERA_FIRMWARE_DETECT_HALVE_LOOPS_H
 
