@@ -188,7 +188,7 @@ static void describe_patch(struct refine *refine, const struct patch *patch,
     if (map == NULL) {
         return;
     }
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(pattern->levels); i++) {
         struct rim_view *view = &refine->views[i];
         const int32_t edge_blur_px_q16 = blur_px_q16 > 0 ? blur_px_q16 : view->blur_px_q16;
         if (patch->marks[i] != MARKS_NONE && !circlefit_is_roomy(view, edge_blur_px_q16)) {
@@ -244,7 +244,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         if (patch->marks[i] != MARKS_NONE &&
             (!circlefit_start(&refine->fit, &marks->at[patch->marks[i]], &refine->views[i]) ||
              !circlefit_estimate_blur(&refine->fit, frame, &marks->at[patch->marks[i]], &refine->views[i]))) {
@@ -253,7 +253,7 @@ static void refine_coarsely(struct refine *refine, const struct frame_view *fram
     }
     describe_patch(refine, patch, &pattern, NULL);
     int32_t anchor_blur_px_q16 = 0;
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         if (patch->marks[i] == MARKS_NONE) {
             continue;
         }
@@ -280,7 +280,7 @@ static void continue_from_marks(struct refine *refine, const struct patches *pat
 {
     struct pattern_patch pattern;
     place_patch(patches, patch, &pattern);
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         if (patch->marks[i] == MARKS_NONE) {
             continue;
         }
@@ -306,7 +306,7 @@ static void refine_finely(struct refine *refine, const struct frame_view *frame,
     continue_from_marks(refine, patches, patch, NULL, marks);
     const int32_t blur_px_q16 = patch_blur_px_q16(refine, patch);
     light_find(&refine->light, patch, marks);
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         if (patch->marks[i] == MARKS_NONE) {
             continue;
         }
@@ -358,7 +358,7 @@ void refine_marks(struct refine *refine, const struct frame_view *frame, struct 
     refine->worst_max_q16 = (WORST_SHARE_Q8 * median_q16) >> 8;
     for (uint32_t i = 0; i < patches->count; i++) {
         struct patch *patch = &patches->at[i];
-        for (unsigned feature = 0; feature < LAYOUT_FEATURES_MAX; feature++) {
+        for (unsigned feature = 0; feature < layout_feature_count(patches->settings.levels); feature++) {
             if (patch->marks[feature] != MARKS_NONE &&
                 !is_clean(refine, &marks->at[patch->marks[feature]])) {
                 refuse(refine, patch, feature);
@@ -393,7 +393,7 @@ void refine_again(struct refine *refine, const struct frame_view *frame,
                   const struct patches *patches, struct patch *patch, struct marks *marks)
 {
     continue_from_marks(refine, patches, patch, around, marks);
-    for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
+    for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         struct rim_view *view = &refine->views[i];
         if (patch->marks[i] == MARKS_NONE ||
             (!all && circlefit_is_roomy(view, refine->edge_blur_px_q16))) {
