@@ -85,10 +85,12 @@ void patches_init(struct patches *patches, struct arena *arena,
     patches->size = patches->size > LIMIT_PATCHES ? LIMIT_PATCHES : patches->size;
     patches->at = arena_take(arena, patches->size, sizeof(struct patch));
     patches->looks_max = limit_looks(width, height);
+    patches->keys = arena_take(arena, patches->size, sizeof(uint32_t));
     patches->near = arena_take(arena, NEIGHBOURS_MAX, sizeof(uint32_t));
     patches->neighbours = arena_take(arena, NEIGHBOURS_MAX, sizeof(struct patches_neighbour));
 
     patches->reach_q20 = 0;
+    patches->farthest_q20 = 0;
     const unsigned features = layout_feature_count(settings->levels);
     const struct layout_feature *anchor = layout_feature(settings->levels, LAYOUT_ANCHOR);
     for (unsigned i = 0; i < features; i++) {
@@ -105,7 +107,10 @@ void patches_init(struct patches *patches, struct arena *arena,
         bound_radius(slot, i < LAYOUT_FEATURES_LEVEL2 ? settings->levels : LAYOUT_LEVELS_MIN);
         /* Less than a fifth of it away: perspective, seen from the anchor. */
         slot->distance_least_q20 = slot->distance_q20 * 4 / 5 + 1;
-        slot->distance_most_q20 = (slot->distance_q20 * 6 + 4) / 5 - 1;
+        slot->distance_most_q20 = i == LAYOUT_ANCHOR ? 0 : (slot->distance_q20 * 6 + 4) / 5 - 1;
+        if (i < LAYOUT_FEATURES_LEVEL2 && slot->distance_most_q20 > patches->farthest_q20) {
+            patches->farthest_q20 = slot->distance_most_q20;
+        }
         /* A little farther than the farthest feature, for perspective stretches. */
         const uint32_t reach_q20 = slot->distance_q20 + slot->distance_q20 / 16;
         patches->reach_q20 = reach_q20 > patches->reach_q20 ? reach_q20 : patches->reach_q20;
@@ -175,6 +180,9 @@ static unsigned vote_turns(const struct trial *trial, const struct patches *patc
         const uint64_t units_q20 =
             root_u64((uint64_t)((int64_t)n->p_q20 * n->p_q20 + (int64_t)n->q_q20 * n->q_q20));
         const uint32_t distance_q20 = (uint32_t)((units_q20 * trial->unit_q20) >> 20);
+        if (distance_q20 > patches->farthest_q20) {
+            continue;
+        }
         const uint16_t direction = turn_atan2_q16(n->q_q20, n->p_q20);
         for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
             const struct patches_slot *slot = &patches->slots[i];
@@ -361,37 +369,55 @@ static bool read_patch(struct trial *trial, struct patches *patches, struct patc
     return true;
 }
 
-static void sift_down(struct patch *at, uint32_t root, uint32_t count)
+static void sift_down(uint32_t keys[], uint32_t root, uint32_t count)
 {
-    for (;;) {
-        uint32_t child = 2 * root + 1;
-        if (child >= count) {
-            return;
+    const uint32_t key = keys[root];
+    for (uint32_t child = 2 * root + 1; child < count; child = 2 * root + 1) {
+        child += child + 1 < count && keys[child + 1] > keys[child] ? 1 : 0;
+        if (keys[child] <= key) {
+            break;
         }
-        if (child + 1 < count && at[child + 1].id > at[child].id) {
-            child++;
-        }
-        if (at[child].id <= at[root].id) {
-            return;
-        }
-        const struct patch swap = at[root];
-        at[root] = at[child];
-        at[child] = swap;
+        keys[root] = keys[child];
         root = child;
+    }
+    keys[root] = key;
+}
+
+/* Heap sort: no recursion, no extra memory. */
+static void sort_keys(uint32_t keys[], uint32_t count)
+{
+    for (uint32_t i = count / 2; i-- > 0;) {
+        sift_down(keys, i, count);
+    }
+    for (uint32_t last = count; last-- > 1;) {
+        const uint32_t largest = keys[0];
+        keys[0] = keys[last];
+        keys[last] = largest;
+        sift_down(keys, 0, last);
     }
 }
 
-/* Heap sort by id: no recursion, no extra memory. */
-static void sort_by_id(struct patch *at, uint32_t count)
+/* Patches are large: their ids are sorted, with the places where they stand, and each patch then moves once. */
+static void sort_by_id(struct patches *patches)
 {
-    for (uint32_t i = count / 2; i-- > 0;) {
-        sift_down(at, i, count);
+    uint32_t *keys = patches->keys;
+    for (uint32_t i = 0; i < patches->count; i++) {
+        keys[i] = (uint32_t)patches->at[i].id << 16 | i;
     }
-    for (uint32_t last = count; last-- > 1;) {
-        const struct patch swap = at[0];
-        at[0] = at[last];
-        at[last] = swap;
-        sift_down(at, 0, last);
+    sort_keys(keys, patches->count);
+    for (uint32_t i = 0; i < patches->count; i++) {
+        uint32_t to = i;
+        uint32_t from = keys[i] & 0xffff;
+        if (from != i) { /* around the ring of those that take each other's places */
+            const struct patch first = patches->at[i];
+            for (; from != i; from = keys[to] & 0xffff) {
+                patches->at[to] = patches->at[from];
+                keys[to] = to;
+                to = from;
+            }
+            patches->at[to] = first;
+            keys[to] = to;
+        }
     }
 }
 
@@ -436,7 +462,7 @@ uint32_t patches_add_empty(struct patches *patches, uint16_t id)
 
 void patches_sort(struct patches *patches)
 {
-    sort_by_id(patches->at, patches->count);
+    sort_by_id(patches);
 }
 
 void patches_decode(const struct marks *marks, struct patches *patches)

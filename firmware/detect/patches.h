@@ -55,6 +55,7 @@ struct patches_neighbour {
 struct patches {
     struct patches_settings settings;
     struct patch           *at;          /* by rising id */
+    uint32_t            *keys;           /* for sorting */
     uint32_t            *near;           /* marks around the anchor at hand */
     struct patches_neighbour *neighbours;
     uint32_t                count;
@@ -80,6 +81,7 @@ struct patches {
     } slots[LAYOUT_FEATURES_MAX];
     /* Which of the thirteen features may be near: by squares of 1/8 side, from 1 before the anchor on. */
     uint16_t near_square[PATCHES_SQUARES][PATCHES_SQUARES];
+    uint32_t farthest_q20; /* of a mark that may be one of the thirteen */
     uint32_t reach_q20; /* how far from an anchor its features are looked for, in patch sides */
 };
 
