@@ -17,6 +17,7 @@ detect_SRC := \
   firmware/detect/ellipses.c \
   firmware/detect/marks.c \
   firmware/detect/patchmap.c \
+  firmware/detect/keysort.c \
   firmware/detect/patches.c \
   firmware/detect/survey.c \
   firmware/detect/profile_table.c \

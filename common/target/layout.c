@@ -51,13 +51,14 @@ bool layout_circle_is_white(unsigned levels, uint16_t patch_id, unsigned index)
  * of a square of 1/8. */
 unsigned layout_feature_at(unsigned levels, int32_t u_q24, int32_t v_q24)
 {
-    const int32_t square_q24 = 1 << 21;
+    const uint32_t square_q24 = 1u << 21;
+    const uint32_t last = 7;
     assert(levels == 2 || levels == 3);
-    assert(u_q24 >= 0 && u_q24 <= 8 * square_q24 && v_q24 >= 0 && v_q24 <= 8 * square_q24);
-    const int32_t column = u_q24 < 8 * square_q24 ? u_q24 / square_q24 : 7;
-    const int32_t row = v_q24 < 8 * square_q24 ? v_q24 / square_q24 : 7;
-    const int32_t u = u_q24 - column * square_q24;
-    const int32_t v = v_q24 - row * square_q24;
+    assert(u_q24 >= 0 && u_q24 <= 1 << 24 && v_q24 >= 0 && v_q24 <= 1 << 24);
+    const uint32_t column = (uint32_t)u_q24 / square_q24 < last ? (uint32_t)u_q24 / square_q24 : last;
+    const uint32_t row = (uint32_t)v_q24 / square_q24 < last ? (uint32_t)v_q24 / square_q24 : last;
+    const uint32_t u = (uint32_t)u_q24 - column * square_q24;
+    const uint32_t v = (uint32_t)v_q24 - row * square_q24;
     const unsigned quarter = (u > v ? 1u : 0u) + (u + v > square_q24 ? 2u : 0u);
     return levels == 2 ? layout_table_map2[row][column][quarter] : layout_table_map3[row][column][quarter];
 }

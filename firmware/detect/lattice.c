@@ -19,6 +19,13 @@
 /* A patch and those around it. */
 static const int8_t beside[9][2] = {{0, 0},  {-1, 0}, {1, 0},  {0, -1}, {0, 1},
                                     {-1, -1}, {-1, 1}, {1, -1}, {1, 1}};
+/* By rings, and each of them by rows. */
+#define OUTER_RING 9u
+static const int8_t by_rings[25][2] = {
+    {0, 0},
+    {-1, -1}, {-1, 0}, {-1, 1}, {0, -1}, {0, 1}, {1, -1}, {1, 0}, {1, 1},
+    {-2, -2}, {-2, -1}, {-2, 0}, {-2, 1}, {-2, 2}, {-1, -2}, {-1, 2}, {0, -2}, {0, 2},
+    {1, -2}, {1, 2}, {2, -2}, {2, -1}, {2, 0}, {2, 1}, {2, 2}};
 
 void lattice_init(struct lattice *lattice, struct arena *arena)
 {
@@ -64,25 +71,17 @@ static uint32_t gather_pairs(const struct lattice *lattice, const struct patches
 {
     const struct target *target = patches->settings.target;
     uint32_t count = 0;
-    for (int ring = 0; ring <= REACH_CELLS; ring++) {
+    for (unsigned i = 0; i < sizeof by_rings / sizeof by_rings[0]; i++) {
         /* The outer ring only where the inner ones say too little. */
-        if (ring == REACH_CELLS && count >= 3 * LAYOUT_FEATURES_LEVEL2) {
+        if (i == OUTER_RING && count >= 3 * LAYOUT_FEATURES_LEVEL2) {
             break;
         }
-        for (int dr = -ring; dr <= ring; dr++) {
-            for (int dc = -ring; dc <= ring; dc++) {
-                const int r = (int)row + dr;
-                const int c = (int)col + dc;
-                const int far = (dr < 0 ? -dr : dr) > (dc < 0 ? -dc : dc) ? (dr < 0 ? -dr : dr)
-                                                                          : (dc < 0 ? -dc : dc);
-                if (far != ring || r < 0 || c < 0 || r >= target->rows || c >= target->cols) {
-                    continue;
-                }
-                const uint32_t index = lattice->patch_of[(unsigned)r * target->cols + (unsigned)c];
-                if (index != MARKS_NONE) {
-                    count = gather_patch(&patches->at[index], target, marks, (unsigned)r,
-                                         (unsigned)c, count, pairs);
-                }
+        const unsigned r = row + (unsigned)by_rings[i][0]; /* wraps above 0: too large then */
+        const unsigned c = col + (unsigned)by_rings[i][1];
+        if (r < target->rows && c < target->cols) {
+            const uint32_t index = lattice->patch_of[r * target->cols + c];
+            if (index != MARKS_NONE) {
+                count = gather_patch(&patches->at[index], target, marks, r, c, count, pairs);
             }
         }
     }

@@ -3,9 +3,12 @@
  * relative to the anchor, w = (u, v) - (u, v)_anchor, Q20. */
 #include "firmware/detect/patches.h"
 
+#include <string.h>
+
 #include "common/fx/fx.h"
 #include "common/fx/root.h"
 #include "common/fx/turn.h"
+#include "firmware/detect/keysort.h"
 #include "firmware/limits.h"
 
 /* Marks looked at around an anchor: a square of 2.3 sides holds 5.5 patches, and five times as many
@@ -236,7 +239,7 @@ static unsigned match_features(struct trial *trial, const struct patches *patche
                                const struct patchmap *map, int64_t near_q20)
 {
     int64_t nearest_q40[LAYOUT_FEATURES_LEVEL2];
-    for (unsigned i = 1; i < LAYOUT_FEATURES_LEVEL2; i++) {
+    for (unsigned i = 0; i < LAYOUT_FEATURES_LEVEL2; i++) {
         nearest_q40[i] = near_q20 * near_q20;
         trial->found[i] = MARKS_NONE;
     }
@@ -304,11 +307,15 @@ static bool try_turn(struct trial *trial, const struct patches *patches, uint16_
 {
     struct patchmap map = patchmap_turned(turn, trial->unit_q20);
     unsigned found = match_features(trial, patches, &map, NEAR_FIRST_Q20);
-    for (unsigned round = 0; round < 2; round++) {
+    bool settled = false; /* the same features would give the same map again */
+    for (unsigned round = 0; round < 2 && !settled; round++) {
+        uint32_t before[LAYOUT_FEATURES_LEVEL2];
+        memcpy(before, trial->found, sizeof before);
         if (found < 5 || !fit_map(trial, patches, PATCHMAP_LINEAR, &map)) {
             return false;
         }
         found = match_features(trial, patches, &map, NEAR_FIRST_Q20);
+        settled = memcmp(before, trial->found, sizeof before) == 0;
     }
     if (found < 9 || !fit_map(trial, patches, PATCHMAP_TERMS_MAX, &map)) {
         return false;
@@ -369,34 +376,6 @@ static bool read_patch(struct trial *trial, struct patches *patches, struct patc
     return true;
 }
 
-static void sift_down(uint32_t keys[], uint32_t root, uint32_t count)
-{
-    const uint32_t key = keys[root];
-    for (uint32_t child = 2 * root + 1; child < count; child = 2 * root + 1) {
-        child += child + 1 < count && keys[child + 1] > keys[child] ? 1 : 0;
-        if (keys[child] <= key) {
-            break;
-        }
-        keys[root] = keys[child];
-        root = child;
-    }
-    keys[root] = key;
-}
-
-/* Heap sort: no recursion, no extra memory. */
-static void sort_keys(uint32_t keys[], uint32_t count)
-{
-    for (uint32_t i = count / 2; i-- > 0;) {
-        sift_down(keys, i, count);
-    }
-    for (uint32_t last = count; last-- > 1;) {
-        const uint32_t largest = keys[0];
-        keys[0] = keys[last];
-        keys[last] = largest;
-        sift_down(keys, 0, last);
-    }
-}
-
 /* Patches are large: their ids are sorted, with the places where they stand, and each patch then moves once. */
 static void sort_by_id(struct patches *patches)
 {
@@ -404,7 +383,7 @@ static void sort_by_id(struct patches *patches)
     for (uint32_t i = 0; i < patches->count; i++) {
         keys[i] = (uint32_t)patches->at[i].id << 16 | i;
     }
-    sort_keys(keys, patches->count);
+    keysort(keys, patches->count);
     for (uint32_t i = 0; i < patches->count; i++) {
         uint32_t to = i;
         uint32_t from = keys[i] & 0xffff;
