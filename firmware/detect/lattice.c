@@ -204,7 +204,6 @@ static uint32_t look_for(struct lattice *lattice, struct refine *refine,
     int64_t v_q24;
     board_place(target, row, col, layout_feature(target->levels, feature), &u_q24, &v_q24);
     struct mark predicted = {
-        .next = MARKS_NONE,
         .white = layout_circle_is_white(target->levels, id, feature),
         .large = feature == LAYOUT_ANCHOR,
     };

@@ -16,7 +16,8 @@ void marks_init(struct marks *marks, struct arena *arena, unsigned width, unsign
     marks->rows = (height + MARKS_CELL_PX - 1) / MARKS_CELL_PX;
     marks->at = arena_take(arena, marks->size, sizeof(struct mark));
     marks->relative_q8 = arena_take(arena, marks->size, sizeof(uint16_t));
-    marks->cells = arena_take(arena, (size_t)marks->columns * marks->rows, sizeof(uint32_t));
+    marks->by_cell = arena_take(arena, marks->size, sizeof(uint32_t));
+    marks->cells = arena_take(arena, (size_t)marks->columns * marks->rows + 1, sizeof(uint32_t));
 }
 
 static unsigned cell_of(int64_t px_q16, unsigned cells)
@@ -28,18 +29,30 @@ static unsigned cell_of(int64_t px_q16, unsigned cells)
     return cell >= cells ? cells - 1 : (unsigned)cell;
 }
 
+static size_t cell_at(const struct marks *marks, const struct mark *mark)
+{
+    return cell_of(mark->ellipse.y_px_q16, marks->rows) * (size_t)marks->columns +
+           cell_of(mark->ellipse.x_px_q16, marks->columns);
+}
+
+/* Counts each cell's marks, adds up where they end, and fills from there backwards to where they begin. */
 static void fill_cells(struct marks *marks)
 {
-    for (size_t i = 0; i < (size_t)marks->columns * marks->rows; i++) {
-        marks->cells[i] = MARKS_NONE;
+    const size_t cells = (size_t)marks->columns * marks->rows;
+    for (size_t i = 0; i < cells; i++) {
+        marks->cells[i] = 0;
     }
+    for (uint32_t i = 0; i < marks->count; i++) {
+        marks->cells[cell_at(marks, &marks->at[i])]++;
+    }
+    uint32_t end = 0;
+    for (size_t i = 0; i < cells; i++) {
+        end += marks->cells[i];
+        marks->cells[i] = end;
+    }
+    marks->cells[cells] = end;
     for (uint32_t i = marks->count; i-- > 0;) {
-        struct mark *mark = &marks->at[i];
-        uint32_t *cell = &marks->cells[cell_of(mark->ellipse.y_px_q16, marks->rows) *
-                                           (size_t)marks->columns +
-                                       cell_of(mark->ellipse.x_px_q16, marks->columns)];
-        mark->next = *cell;
-        *cell = i;
+        marks->by_cell[--marks->cells[cell_at(marks, &marks->at[i])]] = i;
     }
 }
 
@@ -57,13 +70,12 @@ uint32_t marks_near(const struct marks *marks, int32_t x_px_q16, int32_t y_px_q1
     uint32_t count = 0;
     for (unsigned row = top; row <= bottom; row++) {
         const uint32_t *cells = marks->cells + row * (size_t)marks->columns;
-        for (unsigned column = left; column <= right; column++) {
-            for (uint32_t i = cells[column]; i != MARKS_NONE; i = at[i].next) {
-                /* What lies before the square wraps: too large then. */
-                if ((uint64_t)(at[i].ellipse.x_px_q16 - from_x) <= width &&
-                    (uint64_t)(at[i].ellipse.y_px_q16 - from_y) <= width && count < size) {
-                    out[count++] = i;
-                }
+        for (uint32_t k = cells[left]; k < cells[right + 1]; k++) {
+            const struct ellipse *e = &at[marks->by_cell[k]].ellipse;
+            /* What lies before the square wraps: too large then. */
+            if ((uint64_t)(e->x_px_q16 - from_x) <= width && (uint64_t)(e->y_px_q16 - from_y) <= width &&
+                count < size) {
+                out[count++] = marks->by_cell[k];
             }
         }
     }

@@ -18,7 +18,6 @@ struct mark {
     struct ellipse ellipse;
     uint32_t       size_px_q16;   /* geometric mean of the semi-axes */
     uint32_t       sigma_px_q20;  /* of the centre, per axis; 0 before the last fit */
-    uint32_t       next;          /* in its grid cell                */
     uint16_t       gradient_q3;   /* mean of the filtered edge's slope */
     int32_t        blur_px_q16;   /* of the profile fit: refine.h; and                 */
     int32_t        level_q30;     /* the brightness around the circle, of 4096 grey_q4, */
@@ -29,12 +28,13 @@ struct mark {
     bool           large;
 };
 
-/* Cells of MARKS_CELL_PX px, each a list of the marks whose centre lies in it. */
+/* Cells of MARKS_CELL_PX px: by rows, the marks whose centre lies in each follow those of the cell before. */
 #define MARKS_CELL_PX 32u
 
 struct marks {
     struct mark *at;
-    uint32_t    *cells;
+    uint32_t    *by_cell; /* indices */
+    uint32_t    *cells;   /* where each begins in by_cell; one more ends the last */
     uint16_t    *relative_q8; /* size over the neighbourhood's median */
     uint32_t     count;
     uint32_t     size;

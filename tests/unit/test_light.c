@@ -11,7 +11,8 @@
 static uint8_t memory[1 << 16];
 static struct light light;
 static struct mark list[CIRCLES];
-static uint32_t cell[1];
+static uint32_t cell[2]; /* one holds all */
+static uint32_t in_cell[CIRCLES];
 static struct marks marks;
 static struct patch patch;
 
@@ -27,15 +28,15 @@ static void make_marks(unsigned count, double black, double white)
         list[i] = (struct mark){
             .ellipse = {(int32_t)lround(x * 65536), (int32_t)lround(y * 65536), 40960, 0, 40960},
             .size_px_q16 = 10 << 16,
-            .next = i + 1 < count ? i + 1 : MARKS_NONE,
             .level_q30 = (int32_t)lround(level * 1073741824),
             .contrast_q30 = is_white ? 1 << 29 : -(1 << 29),
             .white = is_white,
         };
+        in_cell[i] = i;
     }
-    cell[0] = 0;
+    cell[1] = count;
     marks = (struct marks){
-        .at = list, .count = count, .size = CIRCLES, .cells = cell, .columns = 1, .rows = 1};
+        .at = list, .count = count, .size = CIRCLES, .by_cell = in_cell, .cells = cell, .columns = 1, .rows = 1};
     patch = (struct patch){.id = 1, .feature_count = 1};
     for (unsigned i = 0; i < LAYOUT_FEATURES_MAX; i++) {
         patch.marks[i] = MARKS_NONE;

@@ -29,7 +29,7 @@ static struct refine refine;
 static struct patches patches;
 static struct marks marks;
 /* One empty cell: no circle has neighbours whose light could be looked at. */
-static uint32_t no_neighbours[1] = {MARKS_NONE};
+static uint32_t no_neighbours[2] = {0, 0};
 static struct mark mark_list[CIRCLES_MAX];
 static const struct pattern_edges no_edges;
 static const struct patch_light even_light = {{0}, {0}, 0};
@@ -118,7 +118,6 @@ static struct mark mark_of(const struct disc *d, double contrast, double blur)
                     (int32_t)lrint(4096 * (aa * s * s + bb * c * c))},
         .size_px_q16 = (uint32_t)(65536 * sqrt(d->major * d->minor)),
         .gradient_q3 = (uint16_t)(slope * 128),
-        .next = MARKS_NONE,
         .white = d->white,
     };
 }
