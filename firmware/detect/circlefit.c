@@ -349,7 +349,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
     bool far = true;
     for (unsigned step = 0; far && step < COARSE_STEPS; step++) {
         struct rim_sums sum;
-        struct smallsolve factored = {.size = RIM_UNKNOWNS};
+        struct smallsolve factored;
         int64_t solution_q30[RIM_UNKNOWNS];
         rim_gather(&fit->rim, frame, view, &sum);
         if (!solve_pixels(view, &sum, view->contrast_q30, &factored, solution_q30)) {
@@ -386,7 +386,7 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
     bool far = true;
     for (unsigned step = 0; far && step < FINE_STEPS; step++) {
         struct rim_sums sum;
-        struct smallsolve factored = {.size = RIM_UNKNOWNS};
+        struct smallsolve factored;
         int64_t solution_q30[RIM_UNKNOWNS];
         rim_gather(&fit->rim, frame, view, &sum);
         const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
