@@ -10,6 +10,9 @@
 
 #define BLUR_MIN_PX_Q16   26214 /* 0.4 */
 #define BLUR_MAX_PX_Q16   262144 /* 4 */
+/* Peaks, in radii: narrower ones are points, wider ones flat. */
+#define PEAK_MIN_Q16      1024u /* 1/64 */
+#define PEAK_MAX_Q16      (8u << 16)
 #define PIVOT_FLOOR_Q30   ((int64_t)1 << 12)
 #define CONTRAST_MIN_Q30  ((int64_t)1 << 23) /* 2 grey levels of 256 */
 #define CONTRAST_MAX_Q30  ((int64_t)2 << 30) /* more than any frame has */
@@ -54,7 +57,8 @@ void circlefit_init(struct circlefit *fit, struct arena *arena, const struct dsp
 
     /* level(rho) = e + (1 - e) exp(-rho^2 / 2 sigma^2), over level(1). */
     const int64_t edge_q15 = settings->edge_level_q16 / 2;
-    const uint32_t sigma_q16 = settings->gauss_sigma_q16 > 1024 ? settings->gauss_sigma_q16 : 1024;
+    const uint32_t narrow_q16 = settings->gauss_sigma_q16 > PEAK_MIN_Q16 ? settings->gauss_sigma_q16 : PEAK_MIN_Q16;
+    const uint32_t sigma_q16 = narrow_q16 < PEAK_MAX_Q16 ? narrow_q16 : PEAK_MAX_Q16;
     const int64_t over_q16 = ((int64_t)1 << 32) / sigma_q16;
     int64_t rim_q15 = edge_q15 + (((32768 - edge_q15) * exp_q15(over_q16)) >> 15);
     rim_q15 = rim_q15 > 0 ? rim_q15 : 1; /* a target may state circles that have no edge at all */

@@ -222,11 +222,14 @@ static void describe_profile(const struct rim *rim, const struct rim_view *view,
     const int64_t blur_q28 = (cut_q16 * cut_q16) >> 4;
     const int64_t peak_q28 = (rim->gauss_sigma_q16 * rim->gauss_sigma_q16) >> 4;
     const int64_t mean_q28 = (blur_q28 * view->inverse_q24[0]) >> 24;
-    const int64_t det_q28 = ((peak_q28 * peak_q28) >> 28) + ((peak_q28 * mean_q28) >> 27) +
+    /* Peaks of up to 8 radii: sg^4 is 2^12, 2^40 here. Narrow ones need every bit of theirs. */
+    const unsigned drop = rim->gauss_sigma_q16 > 2 << 16 ? 8 : 0;
+    const int64_t peak = peak_q28 >> drop;
+    const int64_t det_q28 = ((peak * peak) >> (28 - 2 * drop)) + ((peak * mean_q28) >> (27 - drop)) +
                             ((blur_q28 * blur_q28) >> 28);
     const int64_t whole_q28 = det_q28 > 0 ? det_q28 : 1;
     rimrow_set_fall(row, ((peak_q28 + mean_q28) << 14) / whole_q28, (blur_q28 << 14) / whole_q28);
-    const int64_t width_q28 = (int64_t)root_u64((uint64_t)whole_q28 << 28);
+    const int64_t width_q28 = (int64_t)root_u64((uint64_t)whole_q28 << (28 - drop)) << (drop / 2);
     const int64_t share_q14 = (peak_q28 << 14) / (width_q28 > 0 ? width_q28 : 1);
     const int64_t swing_q15 = ((32768 - rim->edge_q15) * rim->over_rim_q15) >> 15;
     /* 2.5066 = 1 / phi(0). */

@@ -46,7 +46,7 @@ struct rim {
     struct rimrow_batch      *pixels;
     int64_t                   over_rim_q15; /* full swing over the swing at the circle's edge */
     int64_t                   edge_q15;     /* of the circles: level(rho) = edge + (1 - edge) */
-    int64_t                   gauss_sigma_q16; /* exp(-rho^2 / 2 sigma^2)                    */
+    int64_t                   gauss_sigma_q16; /* exp(-rho^2 / 2 sigma^2); at most 8         */
 };
 
 /* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
