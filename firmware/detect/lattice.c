@@ -310,8 +310,8 @@ static bool is_uneven(const struct patch_light *light)
 {
     int64_t steepest_q30 = 0;
     for (unsigned axis = 0; axis < 2; axis++) {
-        const int64_t black_q30 = fx_abs_i64(light->black_slope_q30[axis]);
-        const int64_t white_q30 = fx_abs_i64(light->white_slope_q30[axis]);
+        const int64_t black_q30 = fx_abs_i64(light->black.slope_q30[axis]);
+        const int64_t white_q30 = fx_abs_i64(light->white.slope_q30[axis]);
         steepest_q30 = black_q30 > steepest_q30 ? black_q30 : steepest_q30;
         steepest_q30 = white_q30 > steepest_q30 ? white_q30 : steepest_q30;
     }

@@ -18,13 +18,13 @@ struct light_point {
 struct light {
     uint32_t           *near;    /* the circles that are looked at               */
     struct light_point *points;  /* what they say, one colour after the other    */
-    int64_t            *off_q30; /* how far each is off the plane; and sorted    */
+    int64_t            *off_q30; /* how far each is off the surface; and sorted  */
 };
 
 void light_init(struct light *light, struct arena *arena);
 
-/* Sets patch->light from what the first fits say of black and white in the patch and around it: the slopes
- * of the planes through both, and their distance. Left as it is where there are too few circles. */
+/* Sets patch->light from what the first fits say of black and white in the patch and around it: what the surfaces
+ * through both do at its anchor, and their distance. Left as it is where there are too few circles. */
 void light_find(struct light *light, struct patch *patch, const struct marks *marks);
 
 /* The same by the first `count` circles of light->near, at the given place; false where they are too few. */

@@ -25,12 +25,19 @@ struct patches_settings {
     const struct target *target;           /* NULL: any id may be seen                 */
 };
 
-/* How the brightness of black and of white changes over a patch, per pixel along x and y, and how far apart both are
- * there; Q30 of 4096 grey_q4. */
+/* How the brightness of black, or of white, changes about a place; Q30 of 4096 grey_q4. */
+struct patch_shade {
+    int32_t slope_q30[2]; /* per pixel along x and y */
+    int32_t bend_q40[3];  /* and how these change per pixel: x along x, either along the other, y along y; 2^10 larger */
+};
+
+/* The light on a patch. */
 struct patch_light {
-    int32_t black_slope_q30[2];
-    int32_t white_slope_q30[2];
-    int32_t swing_q30; /* 0: not known */
+    int32_t x_px_q16; /* the place that slopes are of */
+    int32_t y_px_q16;
+    struct patch_shade black;
+    struct patch_shade white;
+    int32_t swing_q30; /* from black to white there; 0: not known */
 };
 
 struct patch {

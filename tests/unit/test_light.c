@@ -57,10 +57,10 @@ static void slopes_of_black_and_white_are_found_apart(void)
     light_find(&light, &patch, &marks);
     /* Planes through points of a plane: exact but for Q30 through a pivot of 2^-10, 1e-6 of the range over
      * 100 px. */
-    TEST_ASSERT_TRUE(fabs(patch.light.black_slope_q30[0] / 1073741824.0 - 2e-4) < 1e-7);
-    TEST_ASSERT_TRUE(fabs(patch.light.black_slope_q30[1] / 1073741824.0) < 1e-7);
-    TEST_ASSERT_TRUE(fabs(patch.light.white_slope_q30[0] / 1073741824.0) < 1e-7);
-    TEST_ASSERT_TRUE(fabs(patch.light.white_slope_q30[1] / 1073741824.0 + 5e-4) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.black.slope_q30[0] / 1073741824.0 - 2e-4) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.black.slope_q30[1] / 1073741824.0) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.white.slope_q30[0] / 1073741824.0) < 1e-7);
+    TEST_ASSERT_TRUE(fabs(patch.light.white.slope_q30[1] / 1073741824.0 + 5e-4) < 1e-7);
 }
 
 static void few_circles_say_nothing(void)
@@ -70,8 +70,8 @@ static void few_circles_say_nothing(void)
         list[2 * i].contrast_q30 = 0; /* not fitted: of seven white circles three are left */
     }
     light_find(&light, &patch, &marks);
-    TEST_ASSERT_EQUAL_INT32(0, patch.light.black_slope_q30[0]);
-    TEST_ASSERT_EQUAL_INT32(0, patch.light.white_slope_q30[1]);
+    TEST_ASSERT_EQUAL_INT32(0, patch.light.black.slope_q30[0]);
+    TEST_ASSERT_EQUAL_INT32(0, patch.light.white.slope_q30[1]);
 }
 
 /* Three white and three black circles of 25, a quarter, whose levels are off by 0.15 to 0.5 of the range, all to one
@@ -136,17 +136,17 @@ static void circles_that_something_hides_do_not_tilt_the_planes(void)
          * of their first plane. */
         const double black = 5 * sqrt(1.5) * slope_sigma(true, hidden, noise);
         const double white = 5 * sqrt(1.5) * slope_sigma(false, hidden, noise);
-        SYNTH_NEAR(black, 2e-4, patch.light.black_slope_q30[0] / 1073741824.0);
-        SYNTH_NEAR(black, 0, patch.light.black_slope_q30[1] / 1073741824.0);
-        SYNTH_NEAR(white, 0, patch.light.white_slope_q30[0] / 1073741824.0);
-        SYNTH_NEAR(white, -2e-4, patch.light.white_slope_q30[1] / 1073741824.0);
+        SYNTH_NEAR(black, 2e-4, patch.light.black.slope_q30[0] / 1073741824.0);
+        SYNTH_NEAR(black, 0, patch.light.black.slope_q30[1] / 1073741824.0);
+        SYNTH_NEAR(white, 0, patch.light.white.slope_q30[0] / 1073741824.0);
+        SYNTH_NEAR(white, -2e-4, patch.light.white.slope_q30[1] / 1073741824.0);
     }
 }
 
 static void level_and_contrast_tilt_by_colour(void)
 {
     const struct patch_light slopes = {
-        .black_slope_q30 = {1000, 0}, .white_slope_q30 = {5000, 200}, .swing_q30 = 1 << 28};
+        .black = {.slope_q30 = {1000, 0}}, .white = {.slope_q30 = {5000, 200}}, .swing_q30 = 1 << 28};
     /* Circles whose swing is half of the full one, and a quarter: as a curve between print and picture makes it. */
     struct rim_view view = {.contrast_q30 = 1 << 27};
     light_tilt(&slopes, true, &view);
@@ -159,9 +159,53 @@ static void level_and_contrast_tilt_by_colour(void)
     TEST_ASSERT_EQUAL_INT(-1000, view.contrast_slope_q30[0]);
 }
 
+/* Light about (470, 360) that bends: slopes of black at (480, 390) and how they change from there, and those of white. */
+static void slopes_follow_light_that_bends(void)
+{
+    make_marks(25, 0, 0);
+    list[25] = list[12]; /* 15 black ones */
+    for (unsigned i = 0; i < CIRCLES; i++) {
+        const double x = 440 + 20 * (i % 6) + 7 * (i % 2);
+        const double y = 350 + 25 * (i / 6) - 3 * (i % 3);
+        const double dx = x - 470;
+        const double dy = y - 360;
+        list[i].white = i % 2 == 0;
+        list[i].contrast_q30 = list[i].white ? 1 << 29 : -(1 << 29);
+        const double level = list[i].white ? 0.1 + 1e-4 * dx + 3e-6 * dx * dx - 2e-6 * dx * dy
+                                           : 0.8 - 2e-4 * dy - 4e-6 * dy * dy + 1e-6 * dx * dx;
+        list[i].ellipse.x_px_q16 = (int32_t)lround(x * 65536);
+        list[i].ellipse.y_px_q16 = (int32_t)lround(y * 65536);
+        list[i].level_q30 = (int32_t)lround(level * 1073741824);
+    }
+    /* Every circle twice, so that each colour has as many as the second order wants. */
+    static struct mark twice[2 * CIRCLES];
+    static uint32_t both[2 * CIRCLES];
+    for (unsigned i = 0; i < 2 * CIRCLES; i++) {
+        twice[i] = list[i % CIRCLES];
+        both[i] = i;
+    }
+    cell[1] = 2 * CIRCLES;
+    marks.at = twice;
+    marks.count = marks.size = 2 * CIRCLES;
+    marks.by_cell = both;
+    light_find(&light, &patch, &marks);
+    TEST_ASSERT_TRUE(patch.light.swing_q30 > 0);
+    for (unsigned i = 0; i < CIRCLES; i++) {
+        const double dx = list[i].ellipse.x_px_q16 / 65536.0 - 470;
+        const double dy = list[i].ellipse.y_px_q16 / 65536.0 - 360;
+        struct rim_view view = {.ellipse = list[i].ellipse, .contrast_q30 = 1 << 27};
+        light_tilt(&patch.light, true, &view);
+        SYNTH_NEAR(2e-7, 1e-4 + 6e-6 * dx - 2e-6 * dy, (double)view.level_slope_q30[0] / 1073741824.0);
+        SYNTH_NEAR(2e-7, -2e-6 * dx, (double)view.level_slope_q30[1] / 1073741824.0);
+        light_tilt(&patch.light, false, &view);
+        SYNTH_NEAR(2e-7, 2e-6 * dx, (double)view.level_slope_q30[0] / 1073741824.0);
+        SYNTH_NEAR(2e-7, -2e-4 - 8e-6 * dy, (double)view.level_slope_q30[1] / 1073741824.0);
+    }
+}
+
 static void unknown_light_is_even(void)
 {
-    const struct patch_light unknown = {{0}, {0}, 0};
+    const struct patch_light unknown = {0};
     struct rim_view view = {.contrast_q30 = 1 << 27, .contrast_slope_q30 = {7, 7}};
     light_tilt(&unknown, true, &view);
     TEST_ASSERT_EQUAL_INT(0, view.level_slope_q30[0]);
@@ -174,6 +218,7 @@ int main(void)
     RUN_TEST(slopes_of_black_and_white_are_found_apart);
     RUN_TEST(few_circles_say_nothing);
     RUN_TEST(level_and_contrast_tilt_by_colour);
+    RUN_TEST(slopes_follow_light_that_bends);
     RUN_TEST(unknown_light_is_even);
     RUN_TEST(circles_that_something_hides_do_not_tilt_the_planes);
     return UNITY_END();

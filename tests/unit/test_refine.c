@@ -32,7 +32,7 @@ static struct marks marks;
 static uint32_t no_neighbours[2] = {0, 0};
 static struct mark mark_list[CIRCLES_MAX];
 static const struct pattern_edges no_edges;
-static const struct patch_light even_light = {{0}, {0}, 0};
+static const struct patch_light even_light;
 static void *memory;
 static uint8_t bytes[SIDE_MAX * SIDE_MAX * 2];
 static struct synth_image picture;

@@ -152,9 +152,9 @@ def light(plan):
                  camera={"shading": {"to": 0.25, "direction_deg": direction}})
     plan.add("light", "gamma 1.8", [(130, None, 10)], ratio_max=RATIO_LIGHT, short=True,
              camera={"gamma": 1.8})
-    plan.add("light", "vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT,
+    plan.add("light", "vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT, short=True,
              camera={"vignetting": 0.6})
-    plan.add("light", "gamma 1.8, vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT,
+    plan.add("light", "gamma 1.8, vignetting 0.6", [(130, None, 10)], ratio_max=RATIO_LIGHT, short=True,
              camera={"gamma": 1.8, "vignetting": 0.6})
     plan.add("light", "all of it, contrast 120", [(130, None, 20)], ratio_max=RATIO_LIGHT,
              camera={"gamma": 1.8, "vignetting": 0.3, "black": 60, "white": 180,
