@@ -44,8 +44,9 @@ void light_init(struct light *light, struct arena *arena)
 
 static void fill_terms(const struct surface *surface, int32_t x_px_q16, int32_t y_px_q16, int64_t terms_q30[TERMS_BENT])
 {
-    const int64_t x_q30 = (x_px_q16 - surface->x_px_q16) << surface->lift;
-    const int64_t y_q30 = (y_px_q16 - surface->y_px_q16) << surface->lift;
+    const int64_t unit = (int64_t)1 << surface->lift;
+    const int64_t x_q30 = (x_px_q16 - surface->x_px_q16) * unit;
+    const int64_t y_q30 = (y_px_q16 - surface->y_px_q16) * unit;
     terms_q30[0] = (int64_t)1 << 30;
     terms_q30[1] = x_q30;
     terms_q30[2] = y_q30;
