@@ -20,7 +20,7 @@
  * at what large circles tell.
  *
  * Light that falls unevenly tilts b and c over the circle, which would draw the centre to the bright side: the
- * second pass takes their slopes from planes through the black and the white around many circles.
+ * second pass takes their slopes from surfaces through the black and the white around many circles.
  *
  * Only pixels near the edge speak: within 2 s in the first pass and 1.6 s in the second. The triangle's own edges
  * reach into that band where the circle is small: where the colours behind them are known (pattern.h) they are part
