@@ -27,6 +27,7 @@
 #include "firmware/detect/rimrow_loops.h"
 
 #define LANES 8u
+#include "firmware/detect/dsp_blocks.h"
 
 /* The upper four values by the instructions that take them from where they are. */
 #if defined(__aarch64__)
@@ -113,20 +114,6 @@ static inline __attribute__((always_inline)) void along_x_block(const struct tap
     vst1q_s16(out->second_q2 + x, narrow_12(second));
 }
 
-/* The places of a row's values from its first: one register serves all rows. */
-struct places {
-    ptrdiff_t smooth;
-    ptrdiff_t first;
-    ptrdiff_t second;
-};
-
-static inline struct places places_at(unsigned x, const struct dsp_row *row)
-{
-    const ptrdiff_t at = (ptrdiff_t)x;
-    return (struct places){at, at + (row->first_q3 - row->smooth_q3),
-                           at + (row->second_q2 - row->smooth_q3)};
-}
-
 static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
                                                                 unsigned radius,
                                                                 const int16_t *const rows[],
@@ -175,12 +162,6 @@ static inline __attribute__((always_inline)) void along_y_block(const struct tap
     vst1q_s16(out->yy_q2 + x, narrow_15(gyy));
 }
 
-/* The place of the block after x: the last one ends with the row, overlapping the one before. */
-static inline unsigned next_block(unsigned x, unsigned width)
-{
-    return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
-}
-
 static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
 {
     if (width < LANES) {
@@ -211,68 +192,7 @@ static void halve(const uint8_t *above, const uint8_t *below, unsigned width, ui
     halve_block(above + 2 * x, below + 2 * x, out_grey_q4 + x);
 }
 
-/* Whole blocks, and one that ends with the row. */
-static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
-                                                              unsigned radius,
-                                                              const uint16_t *luma_grey_q4,
-                                                              unsigned width,
-                                                              const struct dsp_row *out)
-{
-    /* Nothing that is written can be a part of these: they stay in registers. */
-    const struct taps own = *taps;
-    const struct dsp_row to = *out;
-    for (unsigned x = 0; x < width - LANES; x += LANES) {
-        along_x_block(&own, radius, luma_grey_q4, &to, x);
-    }
-    along_x_block(&own, radius, luma_grey_q4, &to, width - LANES);
-}
-
-static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
-                    const struct dsp_row *out)
-{
-    if (width < LANES) {
-        dsp_scalar.along_x(taps, luma_grey_q4, width, out);
-    } else if (taps->radius == 2) {
-        along_x_row(taps, 2, luma_grey_q4, width, out);
-    } else if (taps->radius == 3) {
-        along_x_row(taps, 3, luma_grey_q4, width, out);
-    } else {
-        along_x_row(taps, taps->radius, luma_grey_q4, width, out);
-    }
-}
-
-static inline __attribute__((always_inline)) void along_y_row(const struct taps *taps,
-                                                              unsigned radius,
-                                                              const struct dsp_row rows[],
-                                                              unsigned width,
-                                                              const struct dsp_gradient *out)
-{
-    const struct taps own = *taps;
-    const struct dsp_gradient to = *out;
-    const struct dsp_row any = rows[0];
-    const int16_t *from[2 * TAPS_RADIUS_MAX + 1];
-    for (unsigned i = 0; i <= 2 * radius; i++) {
-        from[i] = rows[i].smooth_q3;
-    }
-    for (unsigned x = 0; x < width - LANES; x += LANES) {
-        along_y_block(&own, radius, from, places_at(x, &any), &to, x);
-    }
-    along_y_block(&own, radius, from, places_at(width - LANES, &any), &to, width - LANES);
-}
-
-static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
-                    const struct dsp_gradient *out)
-{
-    if (width < LANES) {
-        dsp_scalar.along_y(taps, rows, width, out);
-    } else if (taps->radius == 2) {
-        along_y_row(taps, 2, rows, width, out);
-    } else if (taps->radius == 3) {
-        along_y_row(taps, 3, rows, width, out);
-    } else {
-        along_y_row(taps, taps->radius, rows, width, out);
-    }
-}
+#include "firmware/detect/dsp_along.h"
 
 /* The steered derivative of four pixels over 2^14, see dsp_x86_rows.h. */
 static inline int32x4_t steered(int16x4_t gx, int16x4_t gy, int16x4_t gxx, int16x4_t gxy,

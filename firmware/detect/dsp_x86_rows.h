@@ -21,7 +21,7 @@
 
 #include <stdbool.h>
 
-#include "firmware/detect/dsp.h"
+#include "firmware/detect/dsp_blocks.h"
 #include "firmware/detect/halve_loops.h"
 
 /* Lanes for rimrow_lanes.h. */
@@ -95,10 +95,11 @@ static inline __attribute__((always_inline)) VEC filter(VEC values[], const int1
 
 static inline __attribute__((always_inline)) void along_x_block(const struct taps *taps,
                                                                 unsigned radius,
-                                                                const uint16_t *at,
+                                                                const uint16_t *luma_grey_q4,
                                                                 const struct dsp_row *out,
                                                                 unsigned x)
 {
+    const uint16_t *at = luma_grey_q4 + x;
     VEC even[TAPS_RADIUS_MAX + 2]; /* centre, then sums of the two at distance k */
     VEC odd[TAPS_RADIUS_MAX + 2];  /* differences, from distance 1               */
     even[0] = LOAD(at);
@@ -113,12 +114,6 @@ static inline __attribute__((always_inline)) void along_x_block(const struct tap
     STORE(out->second_q2 + x, filter(even, taps->second_q14, radius + 1, 12));
 }
 
-/* The place of the block after x: the last one ends with the row, overlapping the one before. */
-static inline unsigned next_block(unsigned x, unsigned width)
-{
-    return x + LANES < width && x + 2 * LANES > width ? width - LANES : x + LANES;
-}
-
 static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
 {
     if (width < LANES) {
@@ -128,50 +123,6 @@ static void widen(const uint8_t *bytes, unsigned width, uint16_t *out_grey_q4)
     for (unsigned x = 0; x < width; x = next_block(x, width)) {
         STORE(out_grey_q4 + x, V(slli_epi16)(LOAD_BYTES(bytes + x), 4));
     }
-}
-
-/* Whole blocks, and one that ends with the row. */
-static inline __attribute__((always_inline)) void along_x_row(const struct taps *taps,
-                                                              unsigned radius,
-                                                              const uint16_t *luma_grey_q4,
-                                                              unsigned width,
-                                                              const struct dsp_row *out)
-{
-    /* Nothing that is written can be a part of these: they stay in registers. */
-    const struct taps own = *taps;
-    const struct dsp_row to = *out;
-    for (unsigned x = 0; x < width - LANES; x += LANES) {
-        along_x_block(&own, radius, luma_grey_q4 + x, &to, x);
-    }
-    along_x_block(&own, radius, luma_grey_q4 + width - LANES, &to, width - LANES);
-}
-
-static void along_x(const struct taps *taps, const uint16_t *luma_grey_q4, unsigned width,
-                    const struct dsp_row *out)
-{
-    if (width < LANES) {
-        dsp_scalar.along_x(taps, luma_grey_q4, width, out);
-    } else if (taps->radius == 2) {
-        along_x_row(taps, 2, luma_grey_q4, width, out);
-    } else if (taps->radius == 3) {
-        along_x_row(taps, 3, luma_grey_q4, width, out);
-    } else {
-        along_x_row(taps, taps->radius, luma_grey_q4, width, out);
-    }
-}
-
-/* The places of a row's values from its first: one register serves all rows. */
-struct places {
-    ptrdiff_t smooth;
-    ptrdiff_t first;
-    ptrdiff_t second;
-};
-
-static inline struct places places_at(unsigned x, const struct dsp_row *row)
-{
-    const ptrdiff_t at = (ptrdiff_t)x;
-    return (struct places){at, at + (row->first_q3 - row->smooth_q3),
-                           at + (row->second_q2 - row->smooth_q3)};
 }
 
 static inline __attribute__((always_inline)) void along_y_block(const struct taps *taps,
@@ -224,38 +175,7 @@ static inline __attribute__((always_inline)) void along_y_block(const struct tap
     STORE(out->xx_q2 + x, filter(even, taps->smooth_q15, radius + 1, 15));
 }
 
-static inline __attribute__((always_inline)) void along_y_row(const struct taps *taps,
-                                                              unsigned radius,
-                                                              const struct dsp_row rows[],
-                                                              unsigned width,
-                                                              const struct dsp_gradient *out)
-{
-    const struct taps own = *taps;
-    const struct dsp_gradient to = *out;
-    const struct dsp_row any = rows[0];
-    const int16_t *from[2 * TAPS_RADIUS_MAX + 1];
-    for (unsigned i = 0; i <= 2 * radius; i++) {
-        from[i] = rows[i].smooth_q3;
-    }
-    for (unsigned x = 0; x < width - LANES; x += LANES) {
-        along_y_block(&own, radius, from, places_at(x, &any), &to, x);
-    }
-    along_y_block(&own, radius, from, places_at(width - LANES, &any), &to, width - LANES);
-}
-
-static void along_y(const struct taps *taps, const struct dsp_row rows[], unsigned width,
-                    const struct dsp_gradient *out)
-{
-    if (width < LANES) {
-        dsp_scalar.along_y(taps, rows, width, out);
-    } else if (taps->radius == 2) {
-        along_y_row(taps, 2, rows, width, out);
-    } else if (taps->radius == 3) {
-        along_y_row(taps, 3, rows, width, out);
-    } else {
-        along_y_row(taps, taps->radius, rows, width, out);
-    }
-}
+#include "firmware/detect/dsp_along.h"
 
 /* The steered second derivatives of half a block over 2^14, from pairs (gx, gy), (gxx, gxy), (gxy, gyy).
  *
