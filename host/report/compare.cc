@@ -127,20 +127,24 @@ Difference difference_of(const RigFile& a, const RigFile& b, const SharedCamera&
         add_field(a.cameras[camera.in_a], rows.pixels, &variance);
         add_field(b.cameras[camera.in_b], rows.pixels, &variance);
         out.allowed_px = std::sqrt(variance.trace() / points);
+        // Parameters that are hardly known err by so much that slopes change on the way. In directions that are
+        // known well that may count, so it is allowed there, but not expected.
+        const Eigen::VectorXd bend = 0.5 * rows.weight.cwiseProduct(rows.second_order);
         const Eigen::MatrixXd whitened =
-            rows.weight.asDiagonal() * variance * rows.weight.asDiagonal();
+            rows.weight.asDiagonal() * variance * rows.weight.asDiagonal() + bend * bend.transpose();
         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(whitened);
         const auto directions = static_cast<double>(a.cameras[camera.in_a].lens.intrinsics.size() + 6);
         const double ridge = kRidgePart * whitened.trace() / directions;
-        const Eigen::VectorXd modes =
-            eigen.eigenvectors().transpose() * rows.weight.cwiseProduct(rows.difference);
+        const Eigen::ArrayXd modes =
+            (eigen.eigenvectors().transpose() * rows.weight.cwiseProduct(rows.difference)).array();
         const Eigen::ArrayXd own = eigen.eigenvalues().cwiseMax(0.0).array();
+        const Eigen::ArrayXd bent = (eigen.eigenvectors().transpose() * bend).array().square();
+        const Eigen::ArrayXd expected = (own - bent).cwiseMax(0.0);
         if (a.cameras[camera.in_a].field_errors.empty() && b.cameras[camera.in_b].field_errors.empty()) {
-            const double sum = (modes.array().square() / (own + ridge)).sum();
-            out.chance = chance_of(sum, (own / (own + ridge)).matrix());
+            out.chance = chance_of((modes.square() / (own + ridge)).sum(), (expected / (own + ridge)).matrix());
         } else {
             // How a field's places go together is known too roughly to weigh directions by.
-            out.chance = chance_of(modes.squaredNorm(), own.matrix());
+            out.chance = chance_of(modes.square().sum(), expected.matrix());
         }
     }
     return out;

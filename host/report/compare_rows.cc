@@ -57,6 +57,36 @@ Normal normal_of(const RigFile& a, const RigFile& b, const std::vector<SharedCam
     return out;
 }
 
+// From A's camera to B's: of the intrinsics, and a small motion on the left of cam_from_rig. No intrinsics where the
+// lenses' models differ.
+struct CameraChange {
+    Eigen::VectorXd lens;
+    Vector6 pose;
+};
+
+CameraChange change_of(const RigFile& a, const RigFile& b, const SharedCamera& camera, const Pose& b_from_a)
+{
+    const RigCamera& one = a.cameras[camera.in_a];
+    const RigCamera& other = b.cameras[camera.in_b];
+    CameraChange out;
+    out.pose = pose_log(other.cam_from_rig * b_from_a * inverse(one.cam_from_rig));
+    if (one.lens.model == other.lens.model && one.lens.intrinsics.size() == other.lens.intrinsics.size()) {
+        const auto size = static_cast<Eigen::Index>(one.lens.intrinsics.size());
+        out.lens = Eigen::Map<const Eigen::VectorXd>(other.lens.intrinsics.data(), size)
+                   - Eigen::Map<const Eigen::VectorXd>(one.lens.intrinsics.data(), size);
+    }
+    return out;
+}
+
+Eigen::Vector2d second_order(const Sensitivity& of_a, const Sensitivity& of_b, const CameraChange& change)
+{
+    Eigen::Vector2d out = (of_b.by_pose - of_a.by_pose) * change.pose;
+    if (change.lens.size() == of_a.by_lens.cols() && change.lens.size() == of_b.by_lens.cols()) {
+        out += (of_b.by_lens - of_a.by_lens) * change.lens;
+    }
+    return out;
+}
+
 }  // namespace
 
 DifferenceRows difference_rows(const RigFile& a, const RigFile& b, const SharedCamera& camera,
@@ -67,6 +97,8 @@ DifferenceRows difference_rows(const RigFile& a, const RigFile& b, const SharedC
     DifferenceRows out;
     out.difference.resize(room);
     out.weight.resize(room);
+    out.second_order.resize(room);
+    const CameraChange change = change_of(a, b, camera, b_from_a);
     out.by_motion.resize(room, 6);
     out.by_a = Eigen::MatrixXd::Zero(all ? room : 0, a.covariance ? a.covariance->matrix.cols() : 0);
     out.by_b = Eigen::MatrixXd::Zero(all ? room : 0, b.covariance ? b.covariance->matrix.cols() : 0);
@@ -82,6 +114,7 @@ DifferenceRows difference_rows(const RigFile& a, const RigFile& b, const SharedC
         out.pixels.push_back(of_a.pixel);
         out.difference.segment<2>(filled) = of_b.pixel - of_a.pixel;
         out.weight.segment<2>(filled).setConstant(1.0 / (i < camera.sigma_px.size() ? camera.sigma_px[i] : 1.0));
+        out.second_order.segment<2>(filled) = second_order(of_a, of_b, change);
         out.by_motion.middleRows<2>(filled) = of_b.by_point * point_by_motion(in_b);
         Eigen::MatrixXd pair;
         for (const auto& [rig, sensitivity, rows, index, sign] :
@@ -98,6 +131,7 @@ DifferenceRows difference_rows(const RigFile& a, const RigFile& b, const SharedC
     }
     out.difference.conservativeResize(filled);
     out.weight.conservativeResize(filled);
+    out.second_order.conservativeResize(filled);
     out.by_motion.conservativeResize(filled, 6);
     if (all) {
         out.by_a.conservativeResize(filled, out.by_a.cols());

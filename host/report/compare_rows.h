@@ -19,6 +19,7 @@ struct SharedCamera {
 struct DifferenceRows {
     Eigen::VectorXd difference;  // B's pixel less A's, px
     Eigen::VectorXd weight;      // 1 / sigma
+    Eigen::VectorXd second_order;  // what the slopes' change from A to B makes of the parameters' change, px
     std::vector<Eigen::Vector2d> pixels;  // A's, one a point
     Eigen::MatrixXd by_motion;   // 6 columns: a small motion on the left of b_from_a
     Eigen::MatrixXd by_a;        // by the rows of A's covariance; no columns where there is none
