@@ -44,7 +44,7 @@ static inline uint32_t limit_ellipses(uint32_t width_px, uint32_t height_px)
     return 1024u + (uint32_t)((uint64_t)width_px * height_px / 160u);
 }
 
-/* Arcs that wait to be merged with other arcs of their ellipse, 32 bytes each, and their points, 8 bytes each.
+/* Arcs that wait to be merged with other arcs of their ellipse, 24 bytes each, and their points, 8 bytes each.
  * Frames full of target were seen to need one on 4000 pixels: halves of the circles' inner rings. */
 static inline uint32_t limit_arcs(uint32_t width_px, uint32_t height_px)
 {

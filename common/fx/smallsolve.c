@@ -8,9 +8,11 @@
 #include "common/fx/fx.h"
 #include "common/fx/root.h"
 
-/* Solutions stay below this, and so what G' makes of them below eight times it. */
+/* Solutions stay below this, and so what G' makes of them below eight times the root of two of it. */
 #define VALUE_LIMIT_Q30   ((int64_t)1 << 38)
-#define FORWARD_LIMIT_Q30 ((int64_t)1 << 41)
+#define FORWARD_LIMIT_Q30 ((int64_t)1 << 42)
+/* Of the inverse. */
+#define INVERSE_ROOT_LIMIT_Q30 ((int64_t)1 << 40)
 #define DIAGONAL_MAX_Q30  ((int64_t)2 << 30)
 /* Above the root of 2; squared and added to what a row may have so far it stays below 2^63. */
 #define ENTRY_LIMIT_Q30   ((int64_t)3 << 29)
@@ -70,7 +72,7 @@ SPECIALISED bool solve(const struct smallsolve *factored, const unsigned size, i
         for (unsigned k = 0; k < i; k++) {
             sum_q60 = fx_wide_difference(sum_q60, fx_wide_product(factored->at_q30[i][k], x_q30[k]));
         }
-        /* Below 2^75, and 1 / g_ii below 2^41. */
+        /* Below 2^76, and 1 / g_ii below 2^41. */
         x_q30[i] = fx_mul_wide_q30(fx_wide_shift_30(sum_q60), factored->over_q30[i]);
         if (fx_abs_i64(x_q30[i]) > FORWARD_LIMIT_Q30) {
             return false;
@@ -97,7 +99,7 @@ bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[])
                                             : solve(factored, factored->size, x_q30);
 }
 
-void smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, int64_t *xy_q30, int64_t *yy_q30)
+bool smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, int64_t *xy_q30, int64_t *yy_q30)
 {
     assert(factored->size >= 2);
     const unsigned last = factored->size - 1;
@@ -106,7 +108,12 @@ void smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, 
     /* (g_xx 0; g_yx g_yy)^-1, below the diagonal. */
     const int64_t lean_q30 =
         -fx_mul_wide_q30(fx_mul_wide_q30(factored->at_q30[last][last - 1], over_x_q30), over_y_q30);
+    if (over_x_q30 > INVERSE_ROOT_LIMIT_Q30 || over_y_q30 > INVERSE_ROOT_LIMIT_Q30 ||
+        fx_abs_i64(lean_q30) > INVERSE_ROOT_LIMIT_Q30) {
+        return false;
+    }
     *xx_q30 = fx_mul_wide_q30(over_x_q30, over_x_q30) + fx_mul_wide_q30(lean_q30, lean_q30);
     *xy_q30 = fx_mul_wide_q30(lean_q30, over_y_q30);
     *yy_q30 = fx_mul_wide_q30(over_y_q30, over_y_q30);
+    return true;
 }

@@ -1,7 +1,7 @@
 /* Symmetric positive definite systems of up to SMALLSOLVE_MAX unknowns, in Q30.
  *
  * Range: the caller scales the system so that the diagonal entries lie in (0, 2] and the others and
- * the right-hand side in [-2, 2]; solutions up to 2^8 come out, larger ones are refused. Divisions round to
+ * the right-hand side in [-16, 16]; solutions up to 2^8 come out, larger ones are refused. Divisions round to
  * nearest; with pivots above 2^-16 the solution's error stays below 2^-12 of its largest entry
  * (tests/unit/test_smallsolve.c compares with double). */
 #ifndef TESSERA_COMMON_FX_SMALLSOLVE_H
@@ -33,9 +33,9 @@ bool smallsolve_factor(struct smallsolve *a, int64_t floor_q30);
 /* Solves A x = b in place. False when a value leaves the range: nothing useful is in x then. */
 bool smallsolve_solve(const struct smallsolve *factored, int64_t x_q30[]);
 
-/* The last two unknowns' block of A^-1: of the one before the last, of both, of the last. At least two unknowns;
- * values below 2^44 for pivots from 2^-14 on. */
-void smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, int64_t *xy_q30, int64_t *yy_q30);
+/* The last two unknowns' block of A^-1: of the one before the last, of both, of the last. At least two unknowns.
+ * False, and nothing set, where a value would be 2^21 or more. */
+bool smallsolve_invert_last(const struct smallsolve *factored, int64_t *xx_q30, int64_t *xy_q30, int64_t *yy_q30);
 
 #ifdef __cplusplus
 }

@@ -38,7 +38,8 @@ typedef struct {
 
 static inline fx_wide fx_wide_difference(fx_wide a, fx_wide b)
 {
-    return (fx_wide){a.high - b.high - (a.low < b.low ? 1 : 0), a.low - b.low};
+    const fx_wide difference = {a.high - b.high - (a.low < b.low ? 1 : 0), a.low - b.low};
+    return difference;
 }
 
 /* |a| and |b| below 2^63; four products of 32-bit halves. */
@@ -51,7 +52,8 @@ static inline fx_wide fx_wide_product(int64_t a, int64_t b)
     const uint64_t middle = (a_size & UINT32_MAX) * (b_size >> 32) + (low >> 32) + (cross & UINT32_MAX);
     const fx_wide size = {(int64_t)((a_size >> 32) * (b_size >> 32) + (cross >> 32) + (middle >> 32)),
                           (middle << 32) | (low & UINT32_MAX)};
-    return (a < 0) != (b < 0) ? fx_wide_difference((fx_wide){0, 0}, size) : size;
+    const fx_wide zero = {0, 0};
+    return (a < 0) != (b < 0) ? fx_wide_difference(zero, size) : size;
 }
 
 /* value / 2^30, rounded to nearest; |value| below 2^92. */

@@ -1,7 +1,7 @@
 /* Calls the stages in order. */
 #include "firmware/app/pipeline.h"
 
-#include "firmware/detect/directfit.h"
+#include "firmware/detect/areafit.h"
 #include "firmware/limits.h"
 
 /* Frames smaller than this are seen in full at once. */
@@ -9,7 +9,7 @@
 /* Half the size is gone on with where it names the patches of so much of what has edges: one in so many. */
 #define HALVED_SHARE  4u
 
-static_assert(DIRECTFIT_POINTS_MAX >= LIMIT_CONTOUR_POINTS, "the fit takes whole contours");
+static_assert(AREAFIT_POINTS_MAX >= LIMIT_CONTOUR_POINTS, "the fit takes whole contours");
 
 struct pipeline_settings pipeline_defaults(void)
 {

@@ -114,7 +114,7 @@ bool boardmap_fit(const struct boardmap_pair pairs[], uint32_t count, struct boa
         y_q30[row] = fx_round_shift_i64(sum.y_q54[row] / count, 24);
     }
     /* Features of one patch alone reach pivots of 1e-5 in the second-order terms. */
-    if (!smallsolve_factor(&normal, 256) || !smallsolve_solve(&normal, x_q30) ||
+    if (!smallsolve_factor(&normal, SMALLSOLVE_FLOOR_MIN_Q30) || !smallsolve_solve(&normal, x_q30) ||
         !smallsolve_solve(&normal, y_q30)) {
         return false;
     }

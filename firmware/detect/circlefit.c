@@ -123,7 +123,7 @@ static void hold_blur(const struct rim_view *view, int64_t contrast_q30, struct 
     int64_t step_q30;
     if (is_blur_held(view, contrast_q30, &step_q30)) {
         normal->at_q30[place_of[RIM_BLUR]][place_of[RIM_BLUR]] += HELD_Q30;
-        right_q30[place_of[RIM_BLUR]] += fx_mul_q30(step_q30, HELD_Q30);
+        right_q30[place_of[RIM_BLUR]] += fx_mul_wide_q30(step_q30, HELD_Q30);
     }
 }
 
@@ -144,8 +144,7 @@ static bool solve_pixels(const struct rim_view *view, const struct rim_sums *sum
             factored->at_q30[a > b ? a : b][a > b ? b : a] =
                 fx_round_shift_i64(sum->matrix_q40[row][col] / sum->count, 10);
         }
-        /* Q20 times Q28. */
-        const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[row] / sum->count, 18);
+        const int64_t right_q30 = fx_round_shift_i64(sum->right_q40[row] / sum->count, 10);
         if (fx_abs_i64(right_q30) > (int64_t)4 << 30) {
             return false;
         }
@@ -170,7 +169,20 @@ static int64_t part_over_whole_q30(int64_t part, int64_t whole)
     return (part >> drop) * ((int64_t)1 << 30) / (whole >> drop);
 }
 
-/* Applies a solution whose geometric part is c theta R / s, given c on the same scale. */
+/* Whether a solution moves no part of the circle by more than the blur, nor the blur by more than itself; and level and
+ * contrast by no more than four ranges. */
+static bool is_moderate(const int64_t solution_q30[RIM_UNKNOWNS], int64_t contrast_q30)
+{
+    const int64_t most_q30 = fx_abs_i64(contrast_q30);
+    bool moderate = true;
+    for (unsigned i = 0; i < RIM_UNKNOWNS; i++) {
+        const bool is_light = i == RIM_LEVEL || i == RIM_CONTRAST;
+        moderate &= fx_abs_i64(solution_q30[i]) <= (is_light ? (int64_t)4 << (30 + RIM_FINE_BITS) : most_q30);
+    }
+    return moderate;
+}
+
+/* Applies a moderate solution whose geometric part is c theta R / s, given c on the same scale. */
 static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM_UNKNOWNS],
                            int64_t contrast_q30)
 {
@@ -178,20 +190,12 @@ static bool apply_solution(struct rim_view *view, const int64_t solution_q30[RIM
     const int64_t share_q24 = ((int64_t)view->blur_px_q16 << 24) / view->size_px_q16;
     int64_t step_q36[ELLIPSE_UNKNOWNS];
     for (unsigned i = 0; i < ELLIPSE_UNKNOWNS; i++) {
-        const int64_t part = solution_q30[i];
-        if (fx_abs_i64(part) > fx_abs_i64(contrast_q30)) {
-            return false; /* a move by more than the blur */
-        }
-        const int64_t over_q30 = part_over_whole_q30(part, contrast_q30);
+        const int64_t over_q30 = part_over_whole_q30(solution_q30[i], contrast_q30);
         step_q36[i] = fx_round_shift_i64(over_q30 * share_q24, 18);
     }
     /* On the way down 1 / (1 + x) is nearer to what is meant than 1 - x: a start that took the circle's contrast for
      * larger than it is, as under gamma, is too blurred by a half or more. */
-    const int64_t blur_q30 = solution_q30[RIM_BLUR];
-    if (fx_abs_i64(blur_q30) > fx_abs_i64(contrast_q30)) {
-        return false;
-    }
-    const int64_t change_q30 = part_over_whole_q30(blur_q30, contrast_q30);
+    const int64_t change_q30 = part_over_whole_q30(solution_q30[RIM_BLUR], contrast_q30);
     const int64_t one_q30 = (int64_t)1 << 30;
     view->blur_px_q16 =
         (int32_t)(change_q30 < 0
@@ -209,7 +213,9 @@ static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
     int64_t xx_q30;
     int64_t xy_q30;
     int64_t yy_q30;
-    smallsolve_invert_last(factored, &xx_q30, &xy_q30, &yy_q30);
+    if (!smallsolve_invert_last(factored, &xx_q30, &xy_q30, &yy_q30)) {
+        return false;
+    }
     const int64_t bx = ((int64_t)view->root.xx_px_q16 << 16) / view->size_px_q16;
     const int64_t by = (int64_t)view->root.yx_px_q16 * 65536 / view->size_px_q16;
     const int64_t bz = ((int64_t)view->root.yy_px_q16 << 16) / view->size_px_q16;
@@ -232,24 +238,24 @@ static bool find_sigma(const struct rim_view *view, const struct rim_sums *sum,
 }
 
 /* What the solution x leaves of the squares, per degree of freedom, on the fine scale; Q52. Of J'J x = b it takes
- * x'b; where the blur is held, x_s (x_s - step) of what holds it more. */
+ * x'b; where the blur is held, x_s (x_s - step) of what holds it more. Parts of x and of the step are at most 2^37
+ * (is_moderate), those of b 2^32: in halves of their bits eight products stay below 2^61. */
 static int64_t left_over_q52(const struct rim_view *view, const struct rim_sums *sum, int64_t contrast_q30,
                              const int64_t solution_q30[RIM_UNKNOWNS])
 {
-    int64_t left_q52 = sum->squares_q44 / sum->count * 256;
+    int64_t left_q48 = sum->squares_q44 / sum->count * 16;
     for (unsigned i = 0; i < RIM_UNKNOWNS; i++) {
-        const int64_t right_q30 = fx_round_shift_i64(sum->right_q48[i] / sum->count, 18);
-        left_q52 -= (solution_q30[i] >> 4) * (right_q30 >> 4);
+        const int64_t right_q30 = fx_round_shift_i64(sum->right_q40[i] / sum->count, 10);
+        left_q48 -= (solution_q30[i] >> 6) * (right_q30 >> 6);
     }
     int64_t step_q30;
     if (is_blur_held(view, contrast_q30, &step_q30)) {
-        /* A larger one is refused; both are below 2^36. */
-        const int64_t most_q30 = fx_abs_i64(contrast_q30);
-        const int64_t free_q30 = solution_q30[RIM_BLUR];
-        const int64_t blur_q30 = free_q30 > most_q30 ? most_q30 : free_q30 < -most_q30 ? -most_q30 : free_q30;
-        left_q52 -= (fx_mul_q30(blur_q30, HELD_Q30) >> 4) * ((blur_q30 - step_q30) >> 4);
+        const int64_t blur_q30 = solution_q30[RIM_BLUR];
+        left_q48 -= (fx_mul_wide_q30(blur_q30, HELD_Q30) >> 6) * ((blur_q30 - step_q30) >> 6);
     }
-    return left_q52 > 0 ? left_q52 / (sum->count - RIM_UNKNOWNS) * sum->count : 0;
+    /* Rests are below 2, so that their squares' mean is below 4. */
+    left_q48 = left_q48 < 0 ? 0 : left_q48 < (int64_t)4 << 48 ? left_q48 : (int64_t)4 << 48;
+    return left_q48 * 16 / (sum->count - RIM_UNKNOWNS) * sum->count;
 }
 
 /* The noisiest eighth of the rim, over the contrast: what covers a part of a circle disturbs one side. */
@@ -363,7 +369,7 @@ bool circlefit_coarse(const struct circlefit *fit, const struct frame_view *fram
         view->contrast_q30 = solution_q30[RIM_CONTRAST];
         /* Bright inside is positive contrast; anything else is another edge. */
         if (!is_contrast(view->contrast_q30) || (view->contrast_q30 > 0) != white ||
-            !apply_solution(view, solution_q30, view->contrast_q30)) {
+            !is_moderate(solution_q30, view->contrast_q30) || !apply_solution(view, solution_q30, view->contrast_q30)) {
             return false;
         }
         far = is_far(solution_q30, view->contrast_q30, COARSE_FAR_SHARE) ||
@@ -395,6 +401,7 @@ bool circlefit_fine(const struct circlefit *fit, const struct frame_view *frame,
         rim_gather(&fit->rim, frame, view, &sum);
         const int64_t contrast_q30 = view->contrast_q30 * (1 << RIM_FINE_BITS);
         if (!solve_pixels(view, &sum, contrast_q30, &factored, solution_q30) ||
+            !is_moderate(solution_q30, contrast_q30) ||
             !find_sigma(view, &sum, &factored, left_over_q52(view, &sum, contrast_q30, solution_q30), &fitted)) {
             return false;
         }

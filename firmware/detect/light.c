@@ -7,7 +7,7 @@
 
 #define CIRCLES_MIN 6u
 #define CIRCLES_BENT 10u /* from here on the second order is fitted */
-#define NEAR_ENOUGH 64u  /* of more, every second or third: a surface needs no more */
+#define NEAR_ENOUGH 64u  /* of as many and more, every second, third or so: a surface needs no more */
 #define REACH_SIZES 18u  /* around the anchor: two patches */
 /* Coordinates are at most 1. Circles on two lines, or nearly, have pivots below. */
 #define PIVOT_FLAT_Q30 ((int64_t)1 << 24)
@@ -16,6 +16,8 @@
 /* Of a range of 1, with coordinates up to 1; and where a surface is asked for beyond its circles. */
 #define TERM_MAX_Q30   ((int64_t)2 << 30)
 #define BEYOND_MAX_Q30 ((int64_t)5 << 28)
+/* From black to white two grey levels of 256 at least. */
+#define SWING_MIN_Q30 ((int64_t)1 << 23)
 /* Slopes up to a 64th of the range a pixel. */
 #define LIMIT_Q30   ((int64_t)1 << 24)
 
@@ -329,7 +331,7 @@ void light_tilt(const struct patch_light *light, bool white, struct rim_view *vi
         const int64_t first_q30 = light->white.slope_q30[axis] - light->black.slope_q30[axis];
         swing_q30 += ((first_q30 + by_pixel_q30[axis]) * away_px_q16[axis]) >> 17;
     }
-    const bool known = light->swing_q30 > 0 && swing_q30 > light->swing_q30 / 4;
+    const bool known = light->swing_q30 >= SWING_MIN_Q30 && swing_q30 >= SWING_MIN_Q30;
     for (unsigned axis = 0; axis < 2; axis++) {
         view->contrast_slope_q30[axis] = known ? by_pixel_q30[axis] * view->contrast_q30 / swing_q30 : 0;
     }

@@ -24,7 +24,7 @@ struct patchmap_place {
     int32_t v_q20;
 };
 
-/* A place around the anchor, and where it lies in the patch. |p| and |q| below 16. */
+/* A place around the anchor, and where it lies in the patch. |p| and |q| below 11.3. */
 struct patchmap_pair {
     int32_t p_q20;
     int32_t q_q20;

@@ -66,7 +66,7 @@ static struct band make_band(const struct rim_view *view)
     const int64_t i2 = view->inverse_q24[2] >> 8;
     const int64_t swing_q24 = (int64_t)root_u64((uint64_t)(i1 * i1 + i2 * i2)) << 8;
     /* Directions are good to 2^-14, a share that the bounds leave room for. */
-    band.within_range = i0 - swing_q24 > 1 << 21 && i0 + swing_q24 < (int64_t)1 << 27;
+    band.within_range = i0 - swing_q24 > 1 << 21 && i0 + swing_q24 < ((int64_t)1 << 27) - (1 << 17);
     band.alpha_q16 = (i0 - swing_q24) >> 8; /* the semi-axes over R are inverse to each other */
     const int64_t most = band.within_range ? i0 + swing_q24 : 1 << 24;
     const int64_t least = band.within_range ? i0 - swing_q24 : 1 << 24;
@@ -251,7 +251,8 @@ static void describe_view(const struct rim *rim, const struct rim_view *view,
         .over_rim = rimrow_gain_of(cut(rim->over_rim_q15, 16 << 15) * (int64_t)(1 << 9)),
         .rest_shift = 5,
     };
-    rimrow_set_shape(row, view->inverse_q24, 2 * view->inverse_q24[0] - ((int64_t)band->alpha_q16 << 8), over_blur_q16);
+    const int64_t most_q24 = 2 * view->inverse_q24[0] - ((int64_t)band->alpha_q16 << 8);
+    rimrow_set_shape(row, view->inverse_q24, most_q24, over_blur_q16);
     describe_profile(rim, view, band, row);
     describe_edges(felt, row);
     if (view->fine) {
@@ -375,10 +376,10 @@ static void take_sums(const struct batch *batch, struct rim_sums *sums)
     }
     /* The level's entry is 1, Q11, for every pixel. */
     sums->count = (uint32_t)(sums->matrix_q40[RIM_LEVEL][RIM_LEVEL] >> 40);
-    /* A rest is Q12 of 4096 grey_q4 in the first pass and Q11 of the enlarged scale later; times Q11,
-     * and Q48 is wanted. */
+    /* A rest is Q12 of 4096 grey_q4 in the first pass and Q11 of the enlarged scale later; times Q11, and Q40 is
+     * wanted. Rims have up to 2^16 pixels, so that products are below 2^40. */
     for (unsigned row = 0; row < RIM_UNKNOWNS; row++) {
-        sums->right_q48[row] = batch->products[at++] * ((int64_t)1 << (batch->fine ? 26 : 25));
+        sums->right_q40[row] = batch->products[at++] * ((int64_t)1 << (batch->fine ? 18 : 17));
     }
     if (batch->fine) {
         sums->squares_q44 = batch->products[at] * (1 << 22);

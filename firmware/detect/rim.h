@@ -1,6 +1,6 @@
 /* The pixels around a circle's rim: which they are, and the sums over all of them.
  *
- * Here is the hot loop of refine.h, which has the model and its mathematics. Row kernels (dsp.h) do the work: a
+ * Here is the hot loop of circlefit.h, which has the model and its mathematics. Row kernels (dsp.h) do the work: a
  * pixel's row of the Jacobian and what the model leaves of its brightness become nine 16-bit numbers
  * (rimrow.h), and the sums over all pairs of them are the normal equations. */
 #ifndef TESSERA_FIRMWARE_DETECT_RIM_H
@@ -49,11 +49,11 @@ struct rim {
     int64_t                   gauss_sigma_q16; /* exp(-rho^2 / 2 sigma^2); at most 8         */
 };
 
-/* Sums over the rim's pixels: J'J in Q40, J' rest in Q48, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
+/* Sums over the rim's pixels: J'J in Q40, J' rest in Q40, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
  * times larger when view->fine). */
 struct rim_sums {
     int64_t  matrix_q40[RIM_UNKNOWNS][RIM_UNKNOWNS]; /* lower triangle */
-    int64_t  right_q48[RIM_UNKNOWNS];
+    int64_t  right_q40[RIM_UNKNOWNS];
     int64_t  squares_q44;            /* fine pass only, like the next two */
     int64_t  octant_squares_q44[8];
     uint32_t octant_count[8];

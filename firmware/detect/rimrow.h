@@ -1,5 +1,5 @@
 /* The pixels of a rim, 128 at a time: what each says of the circle, as rows of the Jacobian and what the model
- * leaves over. This is a row kernel (dsp.h); rim.h chooses the pixels and refine.h has the model.
+ * leaves over. This is a row kernel (dsp.h); rim.h chooses the pixels and circlefit.h has the model.
  *
  * Radius and direction are computed in 32-bit integers (rimrow_loops.h), all else in 16-bit ones (rimrow_lanes.h): the same
  * operations for every pixel, in vectors of any width with the same results. Ranges: places in the unit frame
@@ -63,7 +63,7 @@ struct rimrow_view {
     int16_t  inverse_cos_q14;
     int16_t  inverse_sin_q14;
     uint32_t wide;
-    /* t = (1 - rho) (R / s) (h / R). In the band 1 - rho in Q(24 - depth_shift) is below 23000. */
+    /* t = (1 - rho) (R / s) (h / R). In the band 1 - rho in Q(24 - depth_shift) is at most 23000, and cut there. */
     uint32_t depth_shift;
     int32_t  depth_q14;        /* (R / s) 2^(depth_shift - 11), in [2, 4) */
     /* Kept are |t| <= band and -t <= max(gap h / R - clear, near), all in blurs. */
@@ -141,12 +141,13 @@ static inline void rimrow_set_shape(struct rimrow_view *view, const int64_t inve
         (int32_t)(bits > 16 ? over_blur_q16 >> (bits - 16) : over_blur_q16 << (16 - bits));
 }
 
-/* Fills how fast the peak falls: n0 - n1 y, which is cut below 16. n0, n1 >= 0. */
+/* Fills how fast the peak falls: n0 - n1 y, which is cut below 16, and n1 so that n1 y is below it. n0, n1 >= 0. */
 static inline void rimrow_set_fall(struct rimrow_view *view, int64_t n0_q15, int64_t n1_q15)
 {
     static const int64_t most_q15 = (int64_t)INT16_MAX << 4;
+    static const int64_t most1_q15 = (most_q15 << 14) / (CURVE_Y_MAX_Q14 + 2);
     const int64_t cut0_q15 = n0_q15 < most_q15 ? n0_q15 : most_q15;
-    const int64_t cut1_q15 = n1_q15 < most_q15 ? n1_q15 : most_q15;
+    const int64_t cut1_q15 = n1_q15 < most1_q15 ? n1_q15 : most1_q15;
     const int64_t largest_q15 = cut0_q15 + ((cut1_q15 * CURVE_Y_MAX_Q14) >> 14);
     const unsigned bits = fx_bits_i64(largest_q15 < most_q15 ? largest_q15 : most_q15);
     view->peak_shift = bits > 15 ? bits - 15 : 0;

@@ -146,7 +146,7 @@ static void last_block_of_the_inverse_is_what_solving_gives(void)
             continue;
         }
         int64_t block_q30[3];
-        smallsolve_invert_last(&fixed, &block_q30[0], &block_q30[1], &block_q30[2]);
+        TEST_ASSERT_TRUE(smallsolve_invert_last(&fixed, &block_q30[0], &block_q30[1], &block_q30[2]));
         for (unsigned i = 0; i < 2; i++) {
             int64_t column_q30[SMALLSOLVE_MAX] = {0};
             column_q30[n - 2 + i] = 1 << 30;
