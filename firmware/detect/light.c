@@ -8,9 +8,9 @@
 #define CIRCLES_MIN 6u
 #define CIRCLES_BENT 10u /* from here on the second order is fitted */
 #define NEAR_ENOUGH 64u  /* of as many and more, every second, third or so: a surface needs no more */
-#define REACH_SIZES 18u  /* around the anchor: two patches */
+#define REACH_SIZES 16u  /* around the anchor: nearly two patches */
 /* Coordinates are at most 1. Circles on two lines, or nearly, have pivots below. */
-#define PIVOT_FLAT_Q30 ((int64_t)1 << 24)
+#define PIVOT_FLAT_Q30 ((int64_t)1 << 20)
 #define PIVOT_BENT_Q30 ((int64_t)1 << 18)
 #define REACH_MIN_PX_Q16 ((int64_t)4 << 16)
 /* Of a range of 1, with coordinates up to 1; and where a surface is asked for beyond its circles. */

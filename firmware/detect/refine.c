@@ -12,6 +12,7 @@
 #define SLACK_KNOWN_Q16   262 /* 0.004 */
 #define SLACK_UNKNOWN_Q16 786 /* 0.012 */
 #define AGAIN_PX_Q16      3932 /* 0.06 */
+#define AGAIN_LIT_PX_Q16  13107 /* 0.2 */
 /* Circles of so many blurs tell the blur best, and small ones start from theirs. */
 #define LARGE_SIGMAS 6
 #define SMALL_SIGMAS 4
@@ -375,13 +376,14 @@ static int64_t off_map_q32(const struct mark *mark, const struct pattern_edges *
     return dx * dx + dy * dy;
 }
 
-/* Within two sigmas in x and y, or as far as edges may have been misplaced; farther, only towards the place where
- * the map has it. */
+/* Within two sigmas in x and y, or as far as edges may have been misplaced or light unknown; farther, only towards the
+ * place where the map has it. */
 static bool is_better(const struct mark *before, const struct mark *now,
-                      const struct pattern_edges *edges)
+                      const struct pattern_edges *edges, bool lit)
 {
     const int64_t two_px_q16 = before->sigma_px_q20 >> 3;
-    const int64_t reach_px_q16 = two_px_q16 > AGAIN_PX_Q16 ? two_px_q16 : AGAIN_PX_Q16;
+    const int64_t least_px_q16 = lit ? AGAIN_LIT_PX_Q16 : AGAIN_PX_Q16;
+    const int64_t reach_px_q16 = two_px_q16 > least_px_q16 ? two_px_q16 : least_px_q16;
     const bool near =
         fx_abs_i64((int64_t)now->ellipse.x_px_q16 - before->ellipse.x_px_q16) <= reach_px_q16 &&
         fx_abs_i64((int64_t)now->ellipse.y_px_q16 - before->ellipse.y_px_q16) <= reach_px_q16;
@@ -389,21 +391,21 @@ static bool is_better(const struct mark *before, const struct mark *now,
 }
 
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct boardmap *around, const struct patch_light *light, bool all,
+                  const struct boardmap *around, const struct patch_light *light, bool lit,
                   const struct patches *patches, struct patch *patch, struct marks *marks)
 {
     continue_from_marks(refine, patches, patch, around, marks);
     for (unsigned i = 0; i < layout_feature_count(patches->settings.levels); i++) {
         struct rim_view *view = &refine->views[i];
         if (patch->marks[i] == MARKS_NONE ||
-            (!all && circlefit_is_roomy(view, refine->edge_blur_px_q16))) {
+            (!lit && circlefit_is_roomy(view, refine->edge_blur_px_q16))) {
             continue;
         }
         struct mark *mark = &marks->at[patch->marks[i]];
         struct mark fitted = *mark;
         light_tilt(light, mark->white, view);
         if (circlefit_fine(&refine->fit, frame, view, &fitted) && is_clean(refine, &fitted) &&
-            is_better(mark, &fitted, &view->edges)) {
+            is_better(mark, &fitted, &view->edges, lit)) {
             *mark = fitted;
         }
     }

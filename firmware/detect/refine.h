@@ -41,10 +41,11 @@ bool refine_predicted(const struct refine *refine, const struct frame_view *fram
                       const struct pattern_edges *edges, const struct patch_light *light,
                       struct mark *mark);
 
-/* Fits those of the patch's circles once more that feel the edges around them, or all: the map through all that was found since,
- * from the board to the image, knows better where these lie. A fit that is no good leaves a circle as it was. */
+/* Fits those of the patch's circles once more that feel the edges around them, or all where its light is known only now
+ * (lit): the map through all that was found since, from the board to the image, knows better where edges lie. A fit
+ * that is no good leaves a circle as it was. */
 void refine_again(struct refine *refine, const struct frame_view *frame,
-                  const struct boardmap *around, const struct patch_light *light, bool all,
+                  const struct boardmap *around, const struct patch_light *light, bool lit,
                   const struct patches *patches, struct patch *patch, struct marks *marks);
 
 #endif
