@@ -2,6 +2,7 @@
 #include "firmware/detect/lattice.h"
 
 #include "common/fx/fx.h"
+#include "firmware/detect/keysort.h"
 #include "common/fx/root.h"
 
 #define PAIRS_MAX      256u
@@ -11,6 +12,8 @@
  * three sigmas of at most 0.06. */
 #define STRAYS_SIGMAS_Q8 640   /* 2.5 */
 #define STRAYS_PX_Q16    10486 /* 0.16 */
+#define STRAYS_SHARE     8u
+#define STRAYS_CIRCLES_MIN 4u
 #define ROOT_LIMIT_Q16 ((int64_t)600 << 16)
 /* Light that changes by the full swing over fewer pixels is uneven: a circle of 6 px under a blur of 1 px is drawn by
  * 11 px times its slope's error, 0.001 px where that is all of it. */
@@ -340,8 +343,37 @@ static void refine_cut(struct lattice *lattice, struct refine *refine,
     }
 }
 
-/* Takes the smallest circles out that lie off the map through all around: under noise a few settle in a wrong
- * place. */
+/* How far a patch's circles lie from where the map through all around has them: the larger of x and y, Q16, by feature;
+ * 0 where there is none. Returns the median of those that are there, 0 for fewer than STRAYS_CIRCLES_MIN. */
+static uint32_t measure_strays(const struct boardmap *map, const struct target *target, unsigned row, unsigned col,
+                               const struct patch *patch, const struct marks *marks,
+                               uint32_t off_px_q16[LAYOUT_FEATURES_MAX])
+{
+    uint32_t sorted_px_q16[LAYOUT_FEATURES_MAX];
+    uint32_t count = 0;
+    for (unsigned i = 0; i < layout_feature_count(target->levels); i++) {
+        off_px_q16[i] = 0;
+        if (patch->marks[i] == MARKS_NONE) {
+            continue;
+        }
+        const struct ellipse *ellipse = &marks->at[patch->marks[i]].ellipse;
+        int64_t u_q24;
+        int64_t v_q24;
+        board_place(target, row, col, layout_feature(target->levels, i), &u_q24, &v_q24);
+        const struct boardmap_point place = boardmap_point_at(map, u_q24, v_q24);
+        const int64_t dx_q16 = fx_abs_i64(place.x_q16 - ellipse->x_px_q16);
+        const int64_t dy_q16 = fx_abs_i64(place.y_q16 - ellipse->y_px_q16);
+        const int64_t off_q16 = dx_q16 > dy_q16 ? dx_q16 : dy_q16;
+        off_px_q16[i] = (uint32_t)(off_q16 < UINT32_MAX ? off_q16 : UINT32_MAX);
+        sorted_px_q16[count++] = off_px_q16[i];
+    }
+    keysort(sorted_px_q16, count);
+    return count < STRAYS_CIRCLES_MIN ? 0 : sorted_px_q16[count / 2];
+}
+
+/* Takes circles out that lie off the map: the smallest, of which a few settle in a wrong place under noise, wherever
+ * they do; others that are far off while the rest of their patch is not, and farther than they say: something of the
+ * surround's own shade covers their edge. */
 static void drop_strays(struct lattice *lattice, const struct refine *refine,
                         struct patches *patches, const struct marks *marks, unsigned row,
                         unsigned col)
@@ -350,29 +382,21 @@ static void drop_strays(struct lattice *lattice, const struct refine *refine,
     struct patch *patch = &patches->at[lattice->patch_of[row * target->cols + col]];
     const int64_t small_px_q16 = (STRAYS_SIGMAS_Q8 * (int64_t)refine->edge_blur_px_q16) >> 8;
     struct boardmap map;
-    bool mapped = false;
+    const uint32_t pairs = gather_pairs(lattice, patches, marks, row, col, lattice->pairs);
+    if (!boardmap_fit(lattice->pairs, pairs, &map)) {
+        return;
+    }
+    uint32_t off_px_q16[LAYOUT_FEATURES_MAX];
+    const uint64_t median_px_q16 = measure_strays(&map, target, row, col, patch, marks, off_px_q16);
     for (unsigned i = 0; i < layout_feature_count(target->levels); i++) {
-        if (patch->marks[i] == MARKS_NONE) {
+        if (patch->marks[i] == MARKS_NONE || off_px_q16[i] <= STRAYS_PX_Q16) {
             continue;
         }
         const struct mark *mark = &marks->at[patch->marks[i]];
-        if (mark->size_px_q16 >= small_px_q16) {
-            continue;
-        }
-        if (!mapped) {
-            const uint32_t pairs =
-                gather_pairs(lattice, patches, marks, row, col, lattice->pairs);
-            if (!boardmap_fit(lattice->pairs, pairs, &map)) {
-                return;
-            }
-            mapped = true;
-        }
-        int64_t u_q24;
-        int64_t v_q24;
-        board_place(target, row, col, layout_feature(target->levels, i), &u_q24, &v_q24);
-        const struct boardmap_point place = boardmap_point_at(&map, u_q24, v_q24);
-        if (fx_abs_i64(place.x_q16 - mark->ellipse.x_px_q16) > STRAYS_PX_Q16 ||
-            fx_abs_i64(place.y_q16 - mark->ellipse.y_px_q16) > STRAYS_PX_Q16) {
+        const uint64_t sigma_px_q16 = mark->sigma_px_q20 >> 4;
+        const bool alone = median_px_q16 > 0 && off_px_q16[i] > STRAYS_SHARE * median_px_q16 &&
+                           off_px_q16[i] > STRAYS_SHARE * sigma_px_q16;
+        if (mark->size_px_q16 < small_px_q16 || alone) {
             patch->marks[i] = MARKS_NONE;
             patch->feature_count--;
         }
