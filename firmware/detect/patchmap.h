@@ -59,7 +59,8 @@ static inline struct patchmap_place patchmap_place_of(const struct patchmap *map
         u_q30 += fx_round_shift_i64((map->u_q30[k] >> 8) * terms_q30[k], 22);
         v_q30 += fx_round_shift_i64((map->v_q30[k] >> 8) * terms_q30[k], 22);
     }
-    return (struct patchmap_place){fx_saturate_i32(u_q30 >> 10), fx_saturate_i32(v_q30 >> 10)};
+    const struct patchmap_place place = {fx_saturate_i32(u_q30 >> 10), fx_saturate_i32(v_q30 >> 10)};
+    return place;
 }
 
 /* The map for a patch whose u axis points along `turn`: a rotation by -turn, scaled by the unit of p and q in sides. */
