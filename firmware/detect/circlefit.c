@@ -325,7 +325,8 @@ bool circlefit_estimate_blur(const struct circlefit *fit, const struct frame_vie
     view->blur_px_q16 = (int32_t)blur_q16;
     /* The blurred edge of a disc is steepest inside of it: its slope goes as exp(-(r - R)^2 / 2 s^2) / sqrt(r), which
      * is largest at r = R - s^2 / 2 R; and at R - 0.7 s^2 / R for one that gets brighter inwards as the printed ones do
-     * (median of first steps over blurs of 1.4 to 2.3 px and radii of 3 to 12 px). The ellipse is enlarged by as much. */
+     * (median of first steps over blurs of 1.4 to 2.3 px and radii of 3 to 12 px). The ellipse is enlarged by as
+     * much. */
     const int64_t square_px2_q16 = (kernel_q16 * kernel_q16 + blur_q16 * blur_q16) >> 16;
     const int64_t size_px2_q16 = ((int64_t)view->size_px_q16 * view->size_px_q16) >> 16;
     const int64_t growth_q36 = (square_px2_q16 * FX_Q(0.7, 10) << 26) / size_px2_q16;

@@ -64,7 +64,8 @@ struct dsp_kernels {
      * lie equally far apart. */
     void (*along_y)(const struct taps *taps, const struct dsp_row rows[], unsigned width,
                     const struct dsp_gradient *out);
-    /* Fills out->strong, bright, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 + y_q3^2. */
+    /* Fills out->strong, bright, square_q6 and steered_qm6 from the derivatives; the threshold is on x_q3^2 +
+     * y_q3^2. */
     void (*sides)(uint32_t threshold_q6, unsigned width, const struct dsp_gradient *out);
     /* Adds to sums, for each row i and column j <= i, the sum over k < count of c[i][k] c[j][k], where column
      * c[i] starts at columns + i * DSP_BATCH. count: a multiple of DSP_BATCH_STEP, at most DSP_BATCH.

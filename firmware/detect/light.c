@@ -1,5 +1,5 @@
-/* See light.h. Surfaces of second order through what circles say, level = sum of terms; of first order where the circles
- * are few or their places do not tell more. */
+/* See light.h. Surfaces of second order through what circles say, level = sum of terms; of first order where the
+ * circles are few or tell no more than that. */
 #include "firmware/detect/light.h"
 
 #include "common/fx/fx.h"

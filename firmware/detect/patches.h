@@ -27,8 +27,8 @@ struct patches_settings {
 
 /* How the brightness of black, or of white, changes about a place; Q30 of 4096 grey_q4. */
 struct patch_shade {
-    int32_t slope_q30[2]; /* per pixel along x and y */
-    int32_t bend_q40[3];  /* and how these change per pixel: x along x, either along the other, y along y; 2^10 larger */
+    int32_t slope_q30[2]; /* per pixel along x and y                                                       */
+    int32_t bend_q40[3];  /* and how these change per pixel: x along x, either along the other, y along y */
 };
 
 /* The light on a patch. */

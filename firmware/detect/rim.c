@@ -341,8 +341,9 @@ struct row {
 };
 
 /* Reads the pixels from column `first` to `last` of a row. Spans are short: that it is inline counts. */
-static inline __attribute__((always_inline)) void read_span(const struct rim *rim, const struct frame_view *frame, const struct row *row,
-                      int64_t first, int64_t last, struct batch *batch)
+static inline __attribute__((always_inline)) void
+read_span(const struct rim *rim, const struct frame_view *frame, const struct row *row, int64_t first,
+          int64_t last, struct batch *batch)
 {
     struct rimrow_batch *pixels = rim->pixels;
     int32_t x = first < 0 ? 0 : (int32_t)first;

@@ -49,7 +49,7 @@ struct rim {
     int64_t                   gauss_sigma_q16; /* exp(-rho^2 / 2 sigma^2); at most 8         */
 };
 
-/* Sums over the rim's pixels: J'J in Q40, J' rest in Q40, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
+/* Sums over the rim's pixels: J'J and J' rest in Q40, rest^2 in Q44 (rests in units of 4096 grey_q4, 2^RIM_FINE_BITS
  * times larger when view->fine). */
 struct rim_sums {
     int64_t  matrix_q40[RIM_UNKNOWNS][RIM_UNKNOWNS]; /* lower triangle */

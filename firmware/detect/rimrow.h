@@ -1,10 +1,9 @@
 /* The pixels of a rim, 128 at a time: what each says of the circle, as rows of the Jacobian and what the model
  * leaves over. This is a row kernel (dsp.h); rim.h chooses the pixels and circlefit.h has the model.
  *
- * Radius and direction are computed in 32-bit integers (rimrow_loops.h), all else in 16-bit ones (rimrow_lanes.h): the same
- * operations for every pixel, in vectors of any width with the same results. Ranges: places in the unit frame
- * within rho < 3.5;
- * pixels with rho^2 outside of [1/8, 8) are never kept. */
+ * Radius and direction are computed in 32-bit integers (rimrow_loops.h), all else in 16-bit ones (rimrow_lanes.h): the
+ * same operations for every pixel, in vectors of any width with the same results. Ranges: places in the unit frame
+ * within rho < 3.5; pixels with rho^2 outside of [1/8, 8) are never kept. */
 #ifndef TESSERA_FIRMWARE_DETECT_RIMROW_H
 #define TESSERA_FIRMWARE_DETECT_RIMROW_H
 
@@ -57,8 +56,8 @@ static inline struct rimrow_gain rimrow_gain_of(int64_t value_q24)
 
 /* What all pixels of one circle share. */
 struct rimrow_view {
-    /* (R / h)^2 = i0 + i1 cos 2a + i2 sin 2a, in (1/8, 8) all around. With `wide` 0 it is below 4 and |i1|, |i2| below 2;
-     * with 1 all of these have a bit less. */
+    /* (R / h)^2 = i0 + i1 cos 2a + i2 sin 2a, in (1/8, 8) all around. With `wide` 0 it is below 4 and |i1|, |i2|
+     * below 2; with 1 all of these have a bit less. */
     int16_t  inverse_q13;
     int16_t  inverse_cos_q14;
     int16_t  inverse_sin_q14;

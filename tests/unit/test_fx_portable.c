@@ -1,5 +1,5 @@
-/* Wide products and their sums as compilers without 128-bit integers build it, against those integers where the compiler has
- * them: the header is read with their macro hidden. */
+/* Wide products and their sums as compilers without 128-bit integers build them, against those integers where the
+ * compiler has them: the header is read with their macro hidden. */
 #if defined(__SIZEOF_INT128__)
 #define HAS_INT128
 __extension__ typedef __int128 exact_int;

@@ -159,7 +159,7 @@ static void level_and_contrast_tilt_by_colour(void)
     TEST_ASSERT_EQUAL_INT(-1000, view.contrast_slope_q30[0]);
 }
 
-/* Light about (470, 360) that bends: slopes of black at (480, 390) and how they change from there, and those of white. */
+/* Light about (470, 360) that bends: slopes at every circle, of black and of white. */
 static void slopes_follow_light_that_bends(void)
 {
     make_marks(25, 0, 0);

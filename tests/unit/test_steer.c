@@ -218,7 +218,8 @@ static void halved_frame_is_steered_like_its_halved_picture(void)
 }
 
 /* sigma r / 3 px of the picture it sees; a pixel of the halved frame is a box of 2 px, of 4 / 12 px^2, where
- * one of the frame has 1 / 12: sqrt(4 sigma^2 + 1/4). Both roots are cut to Q16, the filter's own sigma counting twice. */
+ * one of the frame has 1 / 12: sqrt(4 sigma^2 + 1/4). Both roots are cut to Q16, the filter's own sigma counting
+ * twice. */
 static void width_of_the_filters_is_told_in_pixels_of_the_frame(void)
 {
     for (unsigned radius = 2; radius <= 5; radius++) {

@@ -35,8 +35,8 @@ RULES = {  # folder: (folders and headers of ours, system headers); the longest 
 }
 STREETS = {
     "firmware/detect": "arena taps profile curve halve rimrow dsp luma steer edges quota chains arcs ellipse "
-                       "areafit directfit refit ellipses marks patchmap keysort patches survey boardmap pattern junction rim "
-                       "circlefit light refine lattice packet".split(),
+                       "areafit directfit refit ellipses marks patchmap keysort patches survey boardmap pattern "
+                       "junction rim circlefit light refine lattice packet".split(),
     "host": "base net journal assoc obs model solve report rig".split(),
 }
 
