@@ -14,8 +14,9 @@
 // that both files' covariances give, the fitted motion accounted for. y' (V + w w' + e)^-1 y is then a weighted
 // sum of squares of unit Gaussians: e is a hundredth of the mean deviation squared, and w half of what the
 // slopes' change from A to B makes of the parameters' change, for finer differences are those of
-// linearisation; both are allowed, and not expected. Of lenses with fields V has their part only roughly: there y' y is asked, a
-// weighted sum too. A p-value below kCompareChance over the number of tests is a difference.
+// linearisation; both are allowed, and not expected. Of lenses with fields V has their part only roughly:
+// there y' y is asked, a weighted sum too. A p-value below kCompareChance over the number of tests is a
+// difference.
 #pragma once
 
 #include "host/report/rig_file.h"
